@@ -1,0 +1,1 @@
+//! Construction of the map from frames and detections.

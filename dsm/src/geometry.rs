@@ -1,0 +1,117 @@
+//! Boxes in space.
+
+use crate::Pose;
+use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// An axis-aligned box in the world frame, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Aabb {
+    /// Lowest corner.
+    pub min: Point3<f64>,
+    /// Highest corner.
+    pub max: Point3<f64>,
+}
+
+/// A box with an orientation, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OrientedBox {
+    /// Centre in the world frame.
+    pub center: Point3<f64>,
+    /// Full side lengths along the box axes.
+    pub size: Vector3<f64>,
+    /// Rotation from the box frame to the world frame.
+    pub rotation: UnitQuaternion<f64>,
+}
+
+impl Aabb {
+    /// The smallest box around the points; `None` for none.
+    pub fn from_points<'a>(points: impl IntoIterator<Item = &'a Point3<f64>>) -> Option<Self> {
+        let mut points = points.into_iter();
+        let first = *points.next()?;
+        Some(points.fold(Self { min: first, max: first }, |b, p| Self { min: b.min.inf(p), max: b.max.sup(p) }))
+    }
+
+    /// Side lengths.
+    pub fn size(&self) -> Vector3<f64> {
+        self.max - self.min
+    }
+
+    /// Centre.
+    pub fn center(&self) -> Point3<f64> {
+        nalgebra::center(&self.min, &self.max)
+    }
+
+    /// Volume in cubic metres.
+    pub fn volume_m3(&self) -> f64 {
+        let s = self.size();
+        s.x.max(0.0) * s.y.max(0.0) * s.z.max(0.0)
+    }
+
+    /// The box grown by `margin_m` on every side.
+    pub fn grown(&self, margin_m: f64) -> Self {
+        let margin = Vector3::repeat(margin_m);
+        Self { min: self.min - margin, max: self.max + margin }
+    }
+
+    /// The common part, if any.
+    pub fn find_intersection(&self, other: &Self) -> Option<Self> {
+        let common = Self { min: self.min.sup(&other.min), max: self.max.inf(&other.max) };
+        (0..3).all(|i| common.min[i] <= common.max[i]).then_some(common)
+    }
+
+    /// Intersection over union of the volumes, 0 to 1.
+    pub fn iou(&self, other: &Self) -> f64 {
+        let common = self.find_intersection(other).map_or(0.0, |b| b.volume_m3());
+        let union = self.volume_m3() + other.volume_m3() - common;
+        if union > 0.0 { common / union } else { 0.0 }
+    }
+
+    /// Whether the point lies inside or on the border.
+    pub fn contains(&self, point: &Point3<f64>) -> bool {
+        (0..3).all(|i| self.min[i] <= point[i] && point[i] <= self.max[i])
+    }
+}
+
+impl OrientedBox {
+    /// The pose of the box: `world_from_box`.
+    pub fn world_from_box(&self) -> Pose {
+        Pose::from_parts(Translation3::from(self.center.coords), self.rotation)
+    }
+
+    /// The eight corners in the world frame.
+    pub fn corners(&self) -> [Point3<f64>; 8] {
+        let h = self.size * 0.5;
+        let pose = self.world_from_box();
+        std::array::from_fn(|i| {
+            let sign = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+            pose * Point3::new(sign(0) * h.x, sign(1) * h.y, sign(2) * h.z)
+        })
+    }
+
+    /// The axis-aligned box around it.
+    pub fn aabb(&self) -> Aabb {
+        let corners = self.corners();
+        corners
+            .iter()
+            .skip(1)
+            .fold(Aabb { min: corners[0], max: corners[0] }, |b, p| Aabb { min: b.min.inf(p), max: b.max.sup(p) })
+    }
+
+    /// Volume in cubic metres.
+    pub fn volume_m3(&self) -> f64 {
+        self.size.x * self.size.y * self.size.z
+    }
+
+    /// Whether the point in the world frame lies inside or on the border, with a margin in metres.
+    pub fn contains(&self, point_in_world: &Point3<f64>, margin_m: f64) -> bool {
+        let p = self.world_from_box().inverse_transform_point(point_in_world);
+        (0..3).all(|i| p[i].abs() <= 0.5 * self.size[i] + margin_m)
+    }
+}
+
+impl From<Aabb> for OrientedBox {
+    fn from(aabb: Aabb) -> Self {
+        Self { center: aabb.center(), size: aabb.size(), rotation: UnitQuaternion::identity() }
+    }
+}

@@ -1,0 +1,1 @@
+//! DSM-Grounding: from words to one object or room of the map.

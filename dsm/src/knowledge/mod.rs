@@ -1,0 +1,1 @@
+//! What is known about categories before anything is seen.

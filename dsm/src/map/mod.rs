@@ -1,0 +1,17 @@
+//! The map: objects, relations, rooms and free space, and the one way to change it.
+
+mod attributes;
+mod free_space;
+mod object;
+mod relation;
+mod room;
+mod update;
+mod votes;
+
+pub use attributes::{AttributeKind, Attributes};
+pub use free_space::{CellState, FreeSpace};
+pub use object::{MapObject, MapPoint, ObjectId, ObjectState};
+pub use relation::{Relation, RelationKind};
+pub use room::{Room, RoomId};
+pub use update::{Changed, Map, MapChange, MapUpdate, RemovalReason};
+pub use votes::Votes;

@@ -1,0 +1,1 @@
+//! The CPU rasteriser: colour, depth and labels in one pass.

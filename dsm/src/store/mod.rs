@@ -1,0 +1,1 @@
+//! Map files: append-only checksummed log, exports.
