@@ -2,7 +2,9 @@
 
 use crate::Pose;
 use crate::geometry::OrientedBox;
+use crate::map::FreeSpace;
 use crate::time::Stamp;
+use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
 /// The true state of one object.
@@ -44,6 +46,42 @@ pub struct Truth {
     pub world_from_base: Pose,
     /// Contacts between the robot and the world, and of free objects with each other and their supports.
     pub contacts: Vec<TrueContact>,
-    /// Smallest distance between the robot and what it is not meant to touch, metres; `None` when not measured.
+    /// Smallest distance between the robot's base column and fixed or free bodies other than the floor, metres; `None`
+    /// when not measured.
     pub clearance_m: Option<f64>,
+    /// Bodies with at least 150 label pixels in the newest image of the head camera.
+    pub in_view: Vec<String>,
+    /// Every joint of the robot.
+    pub joints: Vec<TrueJoint>,
+}
+
+/// The true state of one robot joint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrueJoint {
+    /// Name in the URDF.
+    pub name: String,
+    /// Position in radians or metres.
+    pub position: f64,
+    /// Velocity in radians or metres per second.
+    pub velocity: f64,
+}
+
+/// A room as the author of the scene drew it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrueRoom {
+    /// Name.
+    pub name: String,
+    /// Outline, world frame, metres.
+    pub polygon: Vec<Point2<f64>>,
+}
+
+/// What does not change during an episode.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrueWorld {
+    /// Name of the scene.
+    pub scene: String,
+    /// Rooms.
+    pub rooms: Vec<TrueRoom>,
+    /// Where the robot's base column could stand at the start, from the collision geometry.
+    pub free_space: FreeSpace,
 }

@@ -11,6 +11,7 @@
 
 pub mod build;
 pub mod camera;
+pub mod config;
 pub mod eval;
 pub mod frame;
 pub mod geometry;

@@ -1,1 +1,17 @@
-//! Placeholder.
+//! The robot side: driver traits, kinematic model, QP control, navigation, grasp planning and safety limits.
+//!
+//! ```text
+//! Map snapshot ──plan──▶ path, grasp ──follow / QP──▶ commands ──Limited──▶ drivers
+//! ```
+//!
+//! Invariants: a command returns what was actually sent; limits wrap drivers and implement the same traits, so that
+//! simulation and hardware are limited by the same code; only [`drivers::Clock::wait_until`] lets time pass.
+//! The crate does not know which world is behind a driver.
+
+pub mod control;
+pub mod drivers;
+pub mod grasp;
+pub mod joints;
+pub mod limited;
+pub mod model;
+pub mod nav;

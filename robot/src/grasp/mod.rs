@@ -1,0 +1,1 @@
+//! Grasp planning on the fused cloud of an object.

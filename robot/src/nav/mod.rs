@@ -1,0 +1,1 @@
+//! Navigation: costmap, frontiers, planner, follower.

@@ -1,0 +1,1 @@
+//! The simulated detector: what a good open-vocabulary detector would say, with its errors.

@@ -1,0 +1,1 @@
+//! The simulated robot: driver traits over physics and cameras.

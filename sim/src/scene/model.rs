@@ -1,0 +1,181 @@
+//! A parsed scene, free of any physics engine.
+
+use dsm::Pose;
+use nalgebra::{Point3, Vector3};
+
+/// How a body may move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BodyMotion {
+    /// Welded to the world.
+    Fixed,
+    /// Six degrees of freedom.
+    Free,
+}
+
+/// A solid shape in its own frame, centred at the origin; axis of revolution along z. Metres.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SceneShape {
+    /// The half space z <= 0; half extents of the drawn rectangle.
+    Plane {
+        /// Half extents along x and y; 0 means unbounded.
+        half_m: [f64; 2],
+    },
+    /// A box.
+    Box {
+        /// Half extents.
+        half_m: Vector3<f64>,
+    },
+    /// A sphere.
+    Sphere {
+        /// Radius.
+        radius_m: f64,
+    },
+    /// A cylinder.
+    Cylinder {
+        /// Radius.
+        radius_m: f64,
+        /// Half length.
+        half_length_m: f64,
+    },
+    /// A capsule.
+    Capsule {
+        /// Radius.
+        radius_m: f64,
+        /// Half length without the caps.
+        half_length_m: f64,
+    },
+    /// An ellipsoid.
+    Ellipsoid {
+        /// Radii.
+        radii_m: Vector3<f64>,
+    },
+    /// A mesh of [`SceneModel::meshes`].
+    Mesh {
+        /// Index of the mesh.
+        mesh: usize,
+    },
+}
+
+/// One geom.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneGeom {
+    /// Its name, if any.
+    pub name: Option<String>,
+    /// Pose in its body.
+    pub body_from_geom: Pose,
+    /// Shape.
+    pub shape: SceneShape,
+    /// Index into [`SceneModel::materials`].
+    pub material: usize,
+    /// Sliding friction coefficient.
+    pub friction: f64,
+    /// Whether it takes part in collisions.
+    pub collides: bool,
+    /// Whether it is drawn.
+    pub visible: bool,
+}
+
+/// One body with all that is rigidly attached to it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneBody {
+    /// Unique name; the world's own geoms belong to body 0, `world`.
+    pub name: String,
+    /// Initial pose.
+    pub world_from_body: Pose,
+    /// How it moves.
+    pub motion: BodyMotion,
+    /// Mass in kilograms; 0 for fixed bodies.
+    pub mass_kg: f64,
+    /// Geoms.
+    pub geoms: Vec<SceneGeom>,
+}
+
+/// A surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneMaterial {
+    /// Name.
+    pub name: String,
+    /// Colour, linear multiplier of the texture, 0 to 1, with alpha.
+    pub rgba: [f32; 4],
+    /// Index into [`SceneModel::textures`].
+    pub texture: Option<usize>,
+    /// Texture repetitions along u and v.
+    pub texture_repeat: [f32; 2],
+    /// Specularity, 0 to 1.
+    pub specular: f32,
+    /// Shininess, 0 to 1.
+    pub shininess: f32,
+    /// Emission, 0 to 1.
+    pub emission: f32,
+}
+
+/// An image for surfaces.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneTexture {
+    /// Name.
+    pub name: String,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// sRGB, row-major.
+    pub rgb: Vec<[u8; 3]>,
+}
+
+/// A triangle mesh, metres, outward winding counter-clockwise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneMesh {
+    /// Name.
+    pub name: String,
+    /// Vertices.
+    pub positions: Vec<Point3<f32>>,
+    /// Vertex normals; empty when they are to be computed.
+    pub normals: Vec<Vector3<f32>>,
+    /// Texture coordinates; empty when there are none.
+    pub uvs: Vec<[f32; 2]>,
+    /// Triangles.
+    pub indices: Vec<[u32; 3]>,
+}
+
+/// Kind of a light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightKind {
+    /// Parallel rays along a direction (unit, pointing away from the light).
+    Directional {
+        /// Direction of travel.
+        direction: Vector3<f32>,
+    },
+    /// From a point.
+    Point {
+        /// Position in the world.
+        position: Point3<f32>,
+    },
+}
+
+/// A light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneLight {
+    /// Kind and place.
+    pub kind: LightKind,
+    /// Diffuse colour, 0 to 1.
+    pub diffuse: [f32; 3],
+    /// Ambient colour, 0 to 1.
+    pub ambient: [f32; 3],
+}
+
+/// A parsed scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneModel {
+    /// Name of the scene.
+    pub name: String,
+    /// Bodies; index 0 is `world`.
+    pub bodies: Vec<SceneBody>,
+    /// Materials.
+    pub materials: Vec<SceneMaterial>,
+    /// Textures.
+    pub textures: Vec<SceneTexture>,
+    /// Meshes.
+    pub meshes: Vec<SceneMesh>,
+    /// Lights.
+    pub lights: Vec<SceneLight>,
+}

@@ -1,0 +1,52 @@
+//! `dsm ground MAP TEXT`.
+
+use super::{Output, ResultArgs};
+use crate::error::TaskError;
+use dsm::ground::{Grounding, GroundingStatus};
+use dsm::map::Map;
+use dsm::store::load_map;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Arguments of `dsm ground`.
+#[derive(Debug, clap::Args)]
+pub struct GroundArgs {
+    /// A map file.
+    map: PathBuf,
+    /// What to find, in English.
+    text: String,
+    #[command(flatten)]
+    result: ResultArgs,
+}
+
+/// Grounds the text; code 0 when found, 1 when absent, ambiguous or not understood.
+pub fn run(args: GroundArgs) -> anyhow::Result<u8> {
+    let loaded = load_map(&args.map).map_err(TaskError::from)?;
+    if let Some(loss) = &loaded.loss {
+        tracing::warn!("{}: the last {} bytes are lost: {loss}", args.map.display(), loaded.lost_bytes);
+    }
+    let grounder = crate::assemble::grounder()?;
+    let grounding = grounder.ground(&loaded.map, &args.text, None);
+    Output::new(args.result).give(&grounding, || describe(&grounding, &loaded.map))?;
+    Ok(u8::from(grounding.status != GroundingStatus::Found))
+}
+
+fn describe(grounding: &Grounding, map: &Map) -> String {
+    let name = |id| map.find_object(id).map_or("?", |o| o.name());
+    let mut text = format!("{:?}", grounding.status).to_lowercase();
+    if let Some(id) = grounding.object_id {
+        let _ = write!(text, ": object {} ({}), score {:.2}", id.0, name(id), grounding.score);
+    }
+    if let Some(room) = grounding.room_id.and_then(|id| map.find_room(id)) {
+        let _ = write!(text, ": room {} ({}), score {:.2}", room.id.0, room.name, grounding.score);
+    }
+    let _ = write!(text, "\ndecided by {}", grounding.decided_by);
+    for candidate in &grounding.candidates {
+        let id = candidate.object_id;
+        let _ = write!(text, "\n  {:.2}  object {} ({})", candidate.score, id.0, name(id));
+        for reason in &candidate.reasons {
+            let _ = write!(text, "\n        {reason}");
+        }
+    }
+    text
+}

@@ -1,0 +1,141 @@
+//! The command line: flags are parsed here and checked before anything runs.
+
+mod check;
+mod explore;
+mod ground;
+mod info;
+mod map;
+mod output;
+mod run;
+mod suite;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+pub use output::Output;
+
+/// Simulation-in-the-loop robot tasks on a Diverse Semantic Map.
+#[derive(Debug, Parser)]
+#[command(name = "dsm", version, about, propagate_version = true, max_term_width = 100)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// More log lines on stderr: -v for what happens, -vv for details. DSM_LOG takes a tracing filter.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+}
+
+/// How the result is given.
+#[derive(Clone, Debug, Default, Args)]
+pub struct ResultArgs {
+    /// Print the result as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+    /// Write the same JSON object to a file.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+}
+
+/// What all simulated runs share. Precedence: flag, environment, episode, robot.toml, default.
+#[derive(Clone, Debug, Default, Args)]
+pub struct WorldArgs {
+    /// Seed of every draw.
+    #[arg(long, env = "DSM_SEED")]
+    pub seed: Option<u64>,
+    /// Robot: a name that ships with the program, or the path of a robot.toml.
+    #[arg(long, env = "DSM_ROBOT")]
+    pub robot: Option<String>,
+    /// Physics engine.
+    #[arg(long, env = "DSM_PHYSICS")]
+    pub physics: Option<PhysicsChoice>,
+    /// Simulated perception.
+    #[arg(long, env = "DSM_PERCEPTION")]
+    pub perception: Option<PerceptionChoice>,
+    /// Worker threads; never changes a result.
+    #[arg(long, env = "DSM_THREADS", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub threads: Option<u16>,
+    /// Simulated time limit in seconds.
+    #[arg(long, env = "DSM_TIME_LIMIT_S")]
+    pub time_limit_s: Option<f64>,
+}
+
+/// Physics engines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PhysicsChoice {
+    /// Built in.
+    Rapier,
+    /// Needs the feature `mujoco`.
+    Mujoco,
+}
+
+/// Presets of simulated perception.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PerceptionChoice {
+    /// Missed, split, merged and misnamed things, depth, colour and pose noise.
+    Noisy,
+    /// Everything as it is, for comparison.
+    Oracle,
+}
+
+/// Where results go.
+#[derive(Clone, Debug, Default, Args)]
+pub struct OutArgs {
+    /// Output folder. Default: out/<episode>-<seed>.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace a folder that is not empty.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run one episode: explore, map, ground, navigate, grasp; then judge it.
+    Run(run::RunArgs),
+    /// Run all episodes found below the given paths.
+    Suite(suite::SuiteArgs),
+    /// Explore a scene and keep its map.
+    Explore(explore::ExploreArgs),
+    /// Ground a sentence in a map.
+    Ground(ground::GroundArgs),
+    /// Look into, check or export a map.
+    #[command(subcommand)]
+    Map(map::MapCommand),
+    /// Look into a scene.
+    #[command(subcommand)]
+    Scene(check::SceneCommand),
+    /// Look into a robot.
+    #[command(subcommand)]
+    Robot(check::RobotCommand),
+    /// Show the configuration.
+    #[command(subcommand)]
+    Config(info::ConfigCommand),
+    /// Print shell completions.
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+    /// Print a JSON schema.
+    Schema {
+        /// Of what.
+        kind: info::SchemaKind,
+    },
+}
+
+/// Runs the command and gives the process exit code.
+pub fn run(cli: Cli) -> anyhow::Result<u8> {
+    match cli.command {
+        Command::Run(args) => run::run(args),
+        Command::Suite(args) => suite::run(args),
+        Command::Explore(args) => explore::run(args),
+        Command::Ground(args) => ground::run(args),
+        Command::Map(command) => map::run(command),
+        Command::Scene(command) => check::scene(command),
+        Command::Robot(command) => check::robot(command),
+        Command::Config(command) => info::config(command),
+        Command::Completions { shell } => info::completions(shell),
+        Command::Schema { kind } => info::schema(kind),
+    }
+}

@@ -1,0 +1,206 @@
+//! Episode files: a scene, a robot, commands, and what must be true afterwards.
+
+use crate::error::TaskError;
+use dsm::config::{ConfigError, line_of, parse_toml};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The version of episode files that this program reads.
+pub const EPISODE_VERSION: u32 = 1;
+
+/// An episode, as written in `episodes/*.toml`. Paths are relative to the file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Episode {
+    /// Format version; 1.
+    pub version: u32,
+    /// The scene's MJCF file or its folder.
+    pub scene: PathBuf,
+    /// Name of a robot that ships with the program, or a path to its `robot.toml`.
+    #[serde(default = "default_robot")]
+    pub robot: String,
+    /// Seed of every draw: start pose, placements, light, noise. Default 0.
+    #[serde(default)]
+    pub seed: u64,
+    /// Simulated time after which the episode ends, seconds. Default 240, range 1 to 36000.
+    #[serde(default = "default_time_limit_s")]
+    #[schemars(range(min = 1.0, max = 36000.0))]
+    pub time_limit_s: f64,
+    /// Start pose of the base; drawn from the seed when left out.
+    #[serde(default)]
+    pub start: Option<Start>,
+    /// What is to be done, in order.
+    #[serde(default, rename = "step")]
+    pub steps: Vec<Step>,
+    /// What must be true afterwards, by ground truth.
+    #[serde(default, rename = "expect")]
+    pub expectations: Vec<Expectation>,
+}
+
+/// Start pose of the base in the world frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Start {
+    /// x in metres.
+    pub x_m: f64,
+    /// y in metres.
+    pub y_m: f64,
+    /// Heading in radians, 0 along x.
+    #[serde(default)]
+    pub yaw_rad: f64,
+}
+
+/// One step: an English `command`, or a `skill` with a `target` in words.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Step {
+    /// A command in English, for example `Grasp the red apple on the table`.
+    #[serde(default)]
+    pub command: Option<String>,
+    /// A skill by name.
+    #[serde(default)]
+    pub skill: Option<SkillName>,
+    /// What the skill acts on, in words.
+    #[serde(default)]
+    pub target: Option<String>,
+}
+
+/// The skills.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SkillName {
+    /// Sees all that can be reached.
+    Explore,
+    /// Drives to an object or a room.
+    Navigate,
+    /// Drives to an object and lifts it.
+    Grasp,
+}
+
+/// What an expectation is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ExpectationKind {
+    /// The robot ends within `within_m` of the object with the object in view, or inside `room`.
+    RobotNear,
+    /// The object is lifted by `height_m` and held for `hold_s`.
+    ObjectLifted,
+    /// The object rests on `surface` for `hold_s`.
+    ObjectOn,
+    /// The last grounding points at the object.
+    Grounding,
+    /// The robot refused: it said that the target is absent or ambiguous, and touched nothing.
+    Refused,
+}
+
+/// Something that must be true, judged from ground truth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Expectation {
+    /// The kind.
+    pub kind: ExpectationKind,
+    /// MJCF body.
+    #[serde(default)]
+    pub object: Option<String>,
+    /// Name of a room in the scene's semantics (`robot_near` only).
+    #[serde(default)]
+    pub room: Option<String>,
+    /// MJCF body of the support (`object_on` only).
+    #[serde(default)]
+    pub surface: Option<String>,
+    /// Distance for `robot_near`, metres. Default 1, range 0.1 to 10.
+    #[serde(default = "default_within_m")]
+    #[schemars(range(min = 0.1, max = 10.0))]
+    pub within_m: f64,
+    /// Height for `object_lifted`, metres. Default 0.10, range 0.01 to 2.
+    #[serde(default = "default_height_m")]
+    #[schemars(range(min = 0.01, max = 2.0))]
+    pub height_m: f64,
+    /// Time for `object_lifted` and `object_on`, seconds. Default 2, range 0 to 60.
+    #[serde(default = "default_hold_s")]
+    #[schemars(range(min = 0.0, max = 60.0))]
+    pub hold_s: f64,
+}
+
+fn default_robot() -> String {
+    "porter".into()
+}
+
+fn default_time_limit_s() -> f64 {
+    240.0
+}
+
+fn default_within_m() -> f64 {
+    1.0
+}
+
+fn default_height_m() -> f64 {
+    0.10
+}
+
+fn default_hold_s() -> f64 {
+    2.0
+}
+
+impl Episode {
+    /// Reads and checks an episode file.
+    pub fn load(path: &Path) -> Result<Self, TaskError> {
+        let text = std::fs::read_to_string(path).map_err(|source| TaskError::Read { path: path.to_owned(), source })?;
+        let episode: Self = parse_toml(&text, path)?;
+        episode.check(&text, path)?;
+        Ok(episode)
+    }
+
+    /// The scene's path as seen from the working directory.
+    pub fn scene_path(&self, file: &Path) -> PathBuf {
+        file.parent().unwrap_or(Path::new(".")).join(&self.scene)
+    }
+
+    fn check(&self, text: &str, path: &Path) -> Result<(), TaskError> {
+        let fail = |key: &str, nth: usize, expected: String| -> Result<(), TaskError> {
+            let offset = text.match_indices(key).nth(nth).map_or(0, |(offset, _)| offset);
+            let message = format!("{key}: expected {expected}");
+            Err(ConfigError::Invalid { file: path.to_owned(), line: line_of(text, offset), message }.into())
+        };
+        if self.version != EPISODE_VERSION {
+            return fail("version", 0, format!("version {EPISODE_VERSION}, got {}", self.version));
+        }
+        if let Some(start) = self.start
+            && ![start.x_m, start.y_m, start.yaw_rad].iter().all(|v| v.is_finite())
+        {
+            return fail("start", 0, "finite x_m, y_m and yaw_rad".into());
+        }
+        if self.steps.is_empty() {
+            return fail("step", 0, "at least one [[step]]".into());
+        }
+        for (i, step) in self.steps.iter().enumerate() {
+            let complete = match (&step.command, step.skill, &step.target) {
+                (Some(command), None, None) => !command.trim().is_empty(),
+                (None, Some(SkillName::Explore), None) => true,
+                (None, Some(SkillName::Navigate | SkillName::Grasp), Some(target)) => !target.trim().is_empty(),
+                _ => false,
+            };
+            if !complete {
+                return fail("[[step]]", i, "either command = \"text\", or skill = explore | navigate | grasp with its target = \"text\"".into());
+            }
+        }
+        for (i, e) in self.expectations.iter().enumerate() {
+            let complete = match e.kind {
+                ExpectationKind::RobotNear => e.object.is_some() != e.room.is_some(),
+                ExpectationKind::ObjectLifted | ExpectationKind::Grounding => e.object.is_some(),
+                ExpectationKind::ObjectOn => e.object.is_some() && e.surface.is_some(),
+                ExpectationKind::Refused => true,
+            };
+            if !complete {
+                let needs = match e.kind {
+                    ExpectationKind::RobotNear => "object or room (one of them)",
+                    ExpectationKind::ObjectOn => "object and surface",
+                    _ => "object",
+                };
+                return fail("[[expect]]", i, format!("{needs} for this kind"));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,79 @@
+//! What can go wrong outside a task. Expected outcomes of tasks are not errors.
+
+use dsm::config::ConfigError;
+use dsm::store::StoreError;
+use dsm_robot::drivers::DriverError;
+use dsm_robot::model::ModelError;
+use dsm_sim::scene::SceneError;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// An error of the task system.
+#[derive(Debug, Error)]
+pub enum TaskError {
+    /// A file cannot be read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A configuration file is wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The scene is wrong.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The robot's description is wrong.
+    #[error(transparent)]
+    Robot(#[from] ModelError),
+    /// A map file or an output cannot be read or written.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// An output folder is in the way.
+    #[error("{}: the folder is not empty; choose another --out or add --force", path.display())]
+    OutputExists {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A name that the scene does not have.
+    #[error("{}: {what} `{name}` is not in the scene; known: {}", path.display(), known.join(", "))]
+    UnknownName {
+        /// The file that names it.
+        path: PathBuf,
+        /// What kind of thing.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// Valid names (the nearest ones).
+        known: Vec<String>,
+    },
+    /// A flag or value that cannot be used.
+    #[error("{0}")]
+    Usage(String),
+    /// A part of the program that was not built in.
+    #[error("{feature} is not built in; {hint}")]
+    NotBuiltIn {
+        /// What is missing.
+        feature: String,
+        /// How to get it.
+        hint: String,
+    },
+    /// A driver failed.
+    #[error(transparent)]
+    Driver(#[from] DriverError),
+    /// The program contradicts itself.
+    #[error("internal error: {0}")]
+    Internal(String),
+}
+
+impl TaskError {
+    /// The process exit code: 2 for bad input, 3 for a safety stop or an internal error.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Driver(_) | Self::Internal(_) => 3,
+            _ => 2,
+        }
+    }
+}

@@ -1,0 +1,349 @@
+//! The judge: the one place that reads ground truth. It says whether expectations hold and measures the run.
+
+use crate::episode::{Expectation, ExpectationKind};
+use crate::summary::{ContactSummary, ExpectationSummary, Metrics, PoseSummary, StepOutcome, StepSummary, TruthSummary};
+use dsm::eval::{TrueObject, TrueWorld, Truth};
+use dsm::map::Map;
+use dsm_robot::nav::{Costmap, plan};
+use nalgebra::{Isometry3, Point2};
+use std::collections::BTreeMap;
+
+/// A contact that began faster than this is a collision, metres per second.
+const COLLISION_SPEED_M_PER_S: f64 = 0.1;
+/// Movement of an object's support surface in this band counts as resting, metres per second of its centre.
+const REST_SPEED_M_PER_S: f64 = 0.02;
+/// A contact that is not seen for this long is a new one when it comes back, seconds.
+const CONTACT_GAP_S: f64 = 0.3;
+
+/// Limits of one joint, for counting violations.
+#[derive(Clone, Debug)]
+pub struct JointBounds {
+    /// Name in the URDF.
+    pub name: String,
+    /// Lowest and highest position, radians or metres.
+    pub position: (f64, f64),
+    /// Highest speed, radians or metres per second.
+    pub speed: f64,
+}
+
+struct OpenContact {
+    contact: ContactSummary,
+    last_s: f64,
+}
+
+/// Follows the truth through an episode.
+pub struct Judge {
+    world: TrueWorld,
+    expectations: Vec<Expectation>,
+    bounds: Vec<JointBounds>,
+    robot_radius_m: f64,
+    first: Option<Truth>,
+    last: Option<Truth>,
+    path_length_m: f64,
+    limit_violations: u32,
+    min_clearance_m: Option<f64>,
+    displacement: BTreeMap<String, f64>,
+    lifted_since_s: Vec<Option<f64>>,
+    lifted: Vec<bool>,
+    resting_since_s: Vec<Option<f64>>,
+    open: BTreeMap<(String, String), OpenContact>,
+    closed: Vec<ContactSummary>,
+}
+
+impl Judge {
+    /// A judge for one episode.
+    pub fn new(world: TrueWorld, expectations: Vec<Expectation>, bounds: Vec<JointBounds>, robot_radius_m: f64) -> Self {
+        let n = expectations.len();
+        Self {
+            world,
+            expectations,
+            bounds,
+            robot_radius_m,
+            first: None,
+            last: None,
+            path_length_m: 0.0,
+            limit_violations: 0,
+            min_clearance_m: None,
+            displacement: BTreeMap::new(),
+            lifted_since_s: vec![None; n],
+            lifted: vec![false; n],
+            resting_since_s: vec![None; n],
+            open: BTreeMap::new(),
+            closed: Vec::new(),
+        }
+    }
+
+    /// Bodies that the scene knows, for messages.
+    pub fn body_names(truth: &Truth) -> Vec<String> {
+        truth.objects.iter().map(|o| o.body.clone()).collect()
+    }
+
+    /// Takes in the next sample.
+    pub fn observe(&mut self, truth: Truth) {
+        let now_s = truth.stamp.as_s();
+        if let Some(last) = &self.last {
+            let step = truth.world_from_base.translation.vector - last.world_from_base.translation.vector;
+            self.path_length_m += step.xy().norm();
+        }
+        let first = self.first.get_or_insert_with(|| truth.clone());
+        for (object, start) in truth.objects.iter().zip(&first.objects) {
+            let moved_m = (object.world_from_body.translation.vector - start.world_from_body.translation.vector).norm();
+            let most = self.displacement.entry(object.body.clone()).or_insert(0.0);
+            *most = most.max(moved_m);
+        }
+        self.min_clearance_m = match (self.min_clearance_m, truth.clearance_m) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        };
+        self.limit_violations += truth
+            .joints
+            .iter()
+            .filter(|joint| {
+                self.bounds.iter().any(|b| {
+                    // Contact and motor lag leave a little beyond what was commanded: 1 % of a limit, at least 5 mm or mrad.
+                    let slack = 0.005;
+                    b.name == joint.name
+                        && (joint.position < b.position.0 - slack
+                            || joint.position > b.position.1 + slack
+                            || joint.velocity.abs() > b.speed * 1.1 + 0.01)
+                })
+            })
+            .count() as u32;
+        self.follow_expectations(&truth, now_s);
+        self.follow_contacts(&truth, now_s);
+        self.last = Some(truth);
+    }
+
+    fn follow_expectations(&mut self, truth: &Truth, now_s: f64) {
+        let Some(first) = &self.first else { return };
+        for (i, expectation) in self.expectations.iter().enumerate() {
+            let Some(body) = &expectation.object else { continue };
+            let (Some(now), Some(start)) = (find(truth, body), find(first, body)) else { continue };
+            let rise_m = now.world_from_body.translation.z - start.world_from_body.translation.z;
+            if rise_m >= expectation.height_m {
+                let since = *self.lifted_since_s[i].get_or_insert(now_s);
+                self.lifted[i] |= now_s - since >= expectation.hold_s;
+            } else {
+                self.lifted_since_s[i] = None;
+            }
+            let resting = expectation.surface.as_ref().is_some_and(|surface| {
+                let speed = self.last.as_ref().and_then(|last| {
+                    let before = find(last, body)?;
+                    let moved = (now.world_from_body.translation.vector - before.world_from_body.translation.vector).norm();
+                    Some(moved / (truth.stamp - last.stamp).as_s().max(1e-6))
+                });
+                touches(truth, body, surface) && !touches_robot(truth, body) && speed.is_some_and(|s| s < REST_SPEED_M_PER_S)
+            });
+            self.resting_since_s[i] = resting.then(|| self.resting_since_s[i].unwrap_or(now_s));
+        }
+    }
+
+    fn follow_contacts(&mut self, truth: &Truth, now_s: f64) {
+        for contact in &truth.contacts {
+            let (link, body) = match (contact.first.strip_prefix("robot/"), contact.second.strip_prefix("robot/")) {
+                (Some(link), None) => (link, &contact.second),
+                (None, Some(link)) => (link, &contact.first),
+                _ => continue,
+            };
+            if is_floor(body) {
+                continue;
+            }
+            let key = (link.to_owned(), body.clone());
+            if let Some(open) = self.open.get_mut(&key) {
+                if now_s - open.last_s <= CONTACT_GAP_S {
+                    open.last_s = now_s;
+                    open.contact.max_force_n = open.contact.max_force_n.max(contact.force_n);
+                    continue;
+                }
+                self.closed.push(open.contact.clone());
+            }
+            let begun = ContactSummary {
+                link: key.0.clone(),
+                body: key.1.clone(),
+                start_s: now_s,
+                max_force_n: contact.force_n,
+                approach_speed_m_per_s: contact.approach_speed_m_per_s,
+            };
+            self.open.insert(key, OpenContact { contact: begun, last_s: now_s });
+        }
+    }
+
+    /// Judges all expectations.
+    pub fn judge(&self, steps: &[StepSummary], map: &Map) -> Vec<ExpectationSummary> {
+        self.expectations.iter().enumerate().map(|(i, e)| self.judge_one(i, e, steps, map)).collect()
+    }
+
+    fn judge_one(&self, i: usize, e: &Expectation, steps: &[StepSummary], map: &Map) -> ExpectationSummary {
+        let body = e.object.clone().unwrap_or_default();
+        let (Some(first), Some(last)) = (&self.first, &self.last) else {
+            return summary(e, false, "nothing was simulated".into(), String::new());
+        };
+        match e.kind {
+            ExpectationKind::RobotNear => self.judge_near(e, last),
+            ExpectationKind::ObjectLifted => {
+                let rise = match (find(last, &body), find(first, &body)) {
+                    (Some(a), Some(b)) => a.world_from_body.translation.z - b.world_from_body.translation.z,
+                    _ => f64::NAN,
+                };
+                let measured = format!("{body} is {rise:.3} m higher at the end; held long enough: {}", self.lifted[i]);
+                let required = format!("lifted by {} m for {} s", e.height_m, e.hold_s);
+                summary(e, self.lifted[i], measured, required)
+            }
+            ExpectationKind::ObjectOn => {
+                let rested_s = self.resting_since_s[i].map_or(0.0, |since| last.stamp.as_s() - since);
+                let surface = e.surface.clone().unwrap_or_default();
+                summary(e, rested_s >= e.hold_s, format!("rests on {surface} for {rested_s:.1} s"), format!("{} s", e.hold_s))
+            }
+            ExpectationKind::Grounding => {
+                let chosen = steps.iter().rev().find_map(|s| s.grounding.as_ref()).and_then(|g| g.object_id);
+                let center = chosen.and_then(|id| map.find_object(id)).map(|o| o.bounds.center);
+                // The true object whose centre is nearest to the chosen one is what was meant.
+                let meant = center.and_then(|c| {
+                    first.objects.iter().min_by(|a, b| {
+                        (a.bounds.center - c).norm().total_cmp(&(b.bounds.center - c).norm())
+                    })
+                });
+                let measured = meant.map_or("nothing was chosen".into(), |o| format!("the chosen object stands where {} stood", o.body));
+                summary(e, meant.is_some_and(|o| o.body == body), measured, format!("grounded to {body}"))
+            }
+            ExpectationKind::Refused => {
+                let refused = steps.iter().any(|s| matches!(s.outcome, StepOutcome::Absent | StepOutcome::Ambiguous));
+                let touched = self.contacts().iter().any(|c| c.link.contains("gripper"));
+                let measured = format!("refused: {refused}; touched something: {touched}");
+                summary(e, refused && !touched, measured, "a refusal without touching anything".into())
+            }
+        }
+    }
+
+    fn judge_near(&self, e: &Expectation, last: &Truth) -> ExpectationSummary {
+        let base = Point2::from(last.world_from_base.translation.vector.xy());
+        if let Some(name) = &e.room {
+            let inside = self.world.rooms.iter().any(|room| room.name == *name && contains(&room.polygon, &base));
+            let at = self.world.rooms.iter().find(|room| contains(&room.polygon, &base)).map_or("no room", |r| &r.name);
+            return summary(e, inside, format!("the robot ends in {at}"), format!("inside {name}"));
+        }
+        let body = e.object.clone().unwrap_or_default();
+        let Some(object) = find(last, &body) else {
+            return summary(e, false, format!("{body} is not in the scene"), String::new());
+        };
+        // Distance over the floor from the base's centre to the object's box.
+        let bounds = object.bounds.aabb();
+        let nearest = Point2::new(base.x.clamp(bounds.min.x, bounds.max.x), base.y.clamp(bounds.min.y, bounds.max.y));
+        let distance_m = (base - nearest).norm();
+        let seen = last.in_view.contains(&body);
+        let measured = format!("{distance_m:.2} m from {body}, in view: {seen}");
+        summary(e, distance_m <= e.within_m && seen, measured, format!("within {} m and in view", e.within_m))
+    }
+
+    fn contacts(&self) -> Vec<ContactSummary> {
+        let mut all = self.closed.clone();
+        all.extend(self.open.values().map(|open| open.contact.clone()));
+        all.sort_by(|a, b| a.start_s.total_cmp(&b.start_s).then_with(|| (&a.link, &a.body).cmp(&(&b.link, &b.body))));
+        all
+    }
+
+    fn targets(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = self.expectations.iter().filter_map(|e| e.object.as_deref()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
+    /// The measured figures; `success` weighs the path length.
+    pub fn metrics(&self, success: bool) -> Metrics {
+        let targets = self.targets();
+        let shortest_path_m = self.find_shortest_path_m();
+        let spl = shortest_path_m.map(|l| if success { l / l.max(self.path_length_m).max(1e-6) } else { 0.0 });
+        let is_target = |body: &str| targets.contains(&body);
+        Metrics {
+            sim_time_s: self.last.as_ref().map_or(0.0, |t| t.stamp.as_s()),
+            path_length_m: self.path_length_m,
+            shortest_path_m,
+            spl,
+            collisions: self
+                .contacts()
+                .iter()
+                .filter(|c| c.approach_speed_m_per_s > COLLISION_SPEED_M_PER_S)
+                .filter(|c| !(c.link.starts_with("gripper") && is_target(&c.body)))
+                .count() as u32,
+            min_clearance_m: self.min_clearance_m,
+            limit_violations: self.limit_violations,
+            non_target_displacement_max_m: self
+                .displacement
+                .iter()
+                .filter(|(body, _)| !is_target(body))
+                .fold(0.0, |most, (_, &moved)| f64::max(most, moved)),
+        }
+    }
+
+    fn find_shortest_path_m(&self) -> Option<f64> {
+        let first = self.first.as_ref()?;
+        let start = Point2::from(first.world_from_base.translation.vector.xy());
+        let target = self.expectations.iter().find_map(|e| find(first, e.object.as_deref()?))?;
+        let costmap = Costmap::from_free_space(&self.world.free_space, self.robot_radius_m);
+        // The nearest free place from which the object is within a metre counts as arriving.
+        let center = target.bounds.center.xy();
+        let goals = (0..16).flat_map(|i| {
+            let angle = f64::from(i) * std::f64::consts::TAU / 16.0;
+            [0.5, 0.7, 0.9].map(|r| Point2::new(center.x + r * angle.cos(), center.y + r * angle.sin()))
+        });
+        goals.filter_map(|goal| plan(&costmap, &start, &goal).ok()).map(|path| path.length_m).min_by(f64::total_cmp)
+    }
+
+    /// The truth that foreign scripts need.
+    pub fn truth(&self) -> TruthSummary {
+        let poses = |truth: &Option<Truth>| -> Vec<PoseSummary> {
+            let Some(truth) = truth else { return Vec::new() };
+            self.targets()
+                .into_iter()
+                .filter_map(|body| find(truth, body))
+                .map(|o| pose_summary(&o.body, &o.world_from_body))
+                .collect()
+        };
+        TruthSummary { target_pose_start: poses(&self.first), target_pose_end: poses(&self.last), contacts: self.contacts() }
+    }
+}
+
+fn summary(e: &Expectation, passed: bool, measured: String, required: String) -> ExpectationSummary {
+    let kind = match e.kind {
+        ExpectationKind::RobotNear => "robot_near",
+        ExpectationKind::ObjectLifted => "object_lifted",
+        ExpectationKind::ObjectOn => "object_on",
+        ExpectationKind::Grounding => "grounding",
+        ExpectationKind::Refused => "refused",
+    };
+    ExpectationSummary { kind: kind.into(), passed, measured, required }
+}
+
+fn pose_summary(body: &str, pose: &Isometry3<f64>) -> PoseSummary {
+    let q = pose.rotation;
+    PoseSummary { object: body.into(), position_m: pose.translation.vector.into(), quat_wxyz: [q.w, q.i, q.j, q.k] }
+}
+
+fn find<'a>(truth: &'a Truth, body: &str) -> Option<&'a TrueObject> {
+    truth.objects.iter().find(|o| o.body == body)
+}
+
+fn is_floor(body: &str) -> bool {
+    body == "world/floor"
+}
+
+fn touches(truth: &Truth, a: &str, b: &str) -> bool {
+    truth.contacts.iter().any(|c| (c.first == a && c.second == b) || (c.first == b && c.second == a))
+}
+
+fn touches_robot(truth: &Truth, body: &str) -> bool {
+    truth.contacts.iter().any(|c| {
+        (c.first == body && c.second.starts_with("robot/")) || (c.second == body && c.first.starts_with("robot/"))
+    })
+}
+
+/// Whether a polygon holds a point (crossing number).
+fn contains(polygon: &[Point2<f64>], p: &Point2<f64>) -> bool {
+    let n = polygon.len();
+    (0..n).fold(false, |inside, i| {
+        let (a, b) = (polygon[i], polygon[(i + 1) % n]);
+        let crosses = (a.y > p.y) != (b.y > p.y) && p.x < (b.x - a.x) * (p.y - a.y) / (b.y - a.y) + a.x;
+        inside != crosses
+    })
+}
