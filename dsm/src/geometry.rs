@@ -1,7 +1,11 @@
-//! Boxes in space.
+//! Boxes in space and their outlines on the floor.
+
+mod footprint;
+
+pub use footprint::{convex_hull, distance_m, intersection_area_m2, smallest_rectangle_axis};
 
 use crate::Pose;
-use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point2, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box in the world frame, metres.
@@ -101,6 +105,46 @@ impl OrientedBox {
     /// Volume in cubic metres.
     pub fn volume_m3(&self) -> f64 {
         self.size.x * self.size.y * self.size.z
+    }
+
+    /// Corners of its outline on the floor, world frame, counter-clockwise. Exact for an upright box; for a tilted one
+    /// the outline of its lower and upper face along the box axes, turned by its yaw.
+    pub fn footprint(&self) -> [Point2<f64>; 4] {
+        let axis = self.rotation * Vector3::x();
+        let (sin, cos) = axis.y.atan2(axis.x).sin_cos();
+        let (half_x, half_y) = (0.5 * self.size.x, 0.5 * self.size.y);
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(sx, sy)| {
+            let (x, y) = (sx * half_x, sy * half_y);
+            Point2::new(self.center.x + cos * x - sin * y, self.center.y + sin * x + cos * y)
+        })
+    }
+
+    /// Height of its lowest point, metres.
+    pub fn bottom_m(&self) -> f64 {
+        self.center.z - 0.5 * self.height_m()
+    }
+
+    /// Height of its highest point, metres.
+    pub fn top_m(&self) -> f64 {
+        self.center.z + 0.5 * self.height_m()
+    }
+
+    fn height_m(&self) -> f64 {
+        let matrix = self.rotation.to_rotation_matrix();
+        (0..3).map(|i| matrix[(2, i)].abs() * self.size[i]).sum()
+    }
+
+    /// Common volume of two upright boxes in cubic metres.
+    pub fn intersection_volume_m3(&self, other: &Self) -> f64 {
+        let height = self.top_m().min(other.top_m()) - self.bottom_m().max(other.bottom_m());
+        if height <= 0.0 { 0.0 } else { height * intersection_area_m2(&self.footprint(), &other.footprint()) }
+    }
+
+    /// Intersection over union of two upright boxes, 0 to 1.
+    pub fn iou(&self, other: &Self) -> f64 {
+        let common = self.intersection_volume_m3(other);
+        let union = self.volume_m3() + other.volume_m3() - common;
+        if union > 0.0 { common / union } else { 0.0 }
     }
 
     /// Whether the point in the world frame lies inside or on the border, with a margin in metres.

@@ -3,7 +3,19 @@
 //! A detector gives masks and names; encoders and a describer turn a masked view into features and attributes.
 //! The embedded ones work from pixels, points and a knowledge table; learned ones plug in behind the same traits.
 
+mod color;
+mod describer;
+mod text;
+mod visual;
+
+pub use color::{ColorName, ColorTable};
+pub use describer::KnowledgeDescriber;
+pub use text::KnowledgeTextEncoder;
+pub use visual::ColorShapeEncoder;
+
 use crate::frame::{FrameId, RgbdFrame};
+use crate::map::AttributeKind;
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// A run of pixels in row-major order that lies in a mask.
@@ -84,4 +96,61 @@ pub struct Detections {
 pub trait Detector: Send {
     /// Masks, names and scores of what is visible.
     fn detect(&mut self, frame: &RgbdFrame) -> Detections;
+}
+
+/// One detected thing as an encoder or a describer sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct ObjectView<'a> {
+    /// The frame it was seen in.
+    pub frame: &'a RgbdFrame,
+    /// Row-major indices of sampled pixels well inside its mask, rising.
+    pub pixels: &'a [u32],
+    /// Name given by the detector.
+    pub name: &'a str,
+    /// Extent of its visible points along the world axes, metres.
+    pub extent_m: Vector3<f64>,
+}
+
+/// Turns a view into a visual feature f_v of unit length; similar things give a high cosine.
+pub trait VisualEncoder: Send + Sync {
+    /// The feature; every call gives the same number of values.
+    fn encode(&self, view: &ObjectView) -> Vec<f32>;
+}
+
+/// Turns words into a text feature f_s of unit length; similar meanings give a high cosine.
+pub trait TextEncoder: Send + Sync {
+    /// The feature; every call gives the same number of values.
+    fn encode(&self, text: &str) -> Vec<f32>;
+}
+
+/// One vote for an attribute's value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AttributeVote {
+    /// Appearance, physical or affordance.
+    pub kind: AttributeKind,
+    /// Which attribute, for example `color`.
+    pub key: &'static str,
+    /// The value, lower case.
+    pub word: String,
+    /// Weight, above 0.
+    pub weight: f32,
+}
+
+/// Says what a view shows: appearance, physical properties and affordances (a_a, a_p, a_o).
+pub trait Describer: Send + Sync {
+    /// Votes for attributes, in a fixed order.
+    fn describe(&self, view: &ObjectView) -> Vec<AttributeVote>;
+}
+
+/// Cosine of two unit vectors; 0 when their lengths differ or one is empty.
+pub fn cosine(a: &[f32], b: &[f32]) -> f32 {
+    if a.len() == b.len() { a.iter().zip(b).map(|(x, y)| x * y).sum() } else { 0.0 }
+}
+
+pub(crate) fn normalize(mut vector: Vec<f32>) -> Vec<f32> {
+    let norm = vector.iter().map(|x| x * x).sum::<f32>().sqrt();
+    if norm > 0.0 {
+        vector.iter_mut().for_each(|x| *x /= norm);
+    }
+    vector
 }

@@ -1,1 +1,226 @@
-//! Construction of the map from frames and detections.
+//! Map construction (paper, DSM Construction): from a frame and its detections to the changes of the map.
+//!
+//! ```text
+//! mask ──back-project, clean──▶ observation ──associate──▶ window ──vote──▶ shape, names, attributes
+//!                                                             │
+//!              free space, rooms ◀── depth      merge, absence, relations
+//! ```
+//!
+//! [`MapBuilder::observe`] is a function of its inputs and of the builder's windows; it changes no map. The caller
+//! applies the update before the next frame. The builder learns about the map only from the map it is given: an object
+//! that left it is forgotten, an object that it did not make is taken up.
+
+mod absence;
+mod associate;
+mod carrier;
+mod cell_grid;
+mod config;
+mod draft;
+mod merge;
+mod observation;
+mod occupancy;
+mod outline;
+mod relations;
+mod rooms;
+mod track;
+mod view;
+mod window;
+
+#[cfg(test)]
+mod scene_tests;
+
+pub use carrier::Carrier;
+pub use config::{BuildConfig, BuildConfigError};
+
+use crate::frame::RgbdFrame;
+use crate::knowledge::Knowledge;
+use crate::map::{FreeSpace, Map, MapChange, MapUpdate, ObjectId, Room};
+use crate::perceive::{
+    ColorShapeEncoder, Describer, Detections, KnowledgeDescriber, KnowledgeTextEncoder, TextEncoder, VisualEncoder,
+};
+use draft::Draft;
+use observation::{Encoders, Observation, find_observation};
+use occupancy::Occupancy;
+use rayon::prelude::*;
+use rooms::RoomSegmenter;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use track::Track;
+
+/// Names that are structure, not objects: they shape only the free space.
+const STRUCTURE: [&str; 5] = ["wall", "floor", "ceiling", "room", "ground"];
+
+/// Builds a map from frames.
+pub struct MapBuilder {
+    config: BuildConfig,
+    knowledge: Arc<Knowledge>,
+    encoders: Encoders,
+    tracks: BTreeMap<ObjectId, Track>,
+    occupancy: Occupancy,
+    rooms: RoomSegmenter,
+    next_id: u64,
+}
+
+impl MapBuilder {
+    /// A builder with the embedded encoders. `config` must be valid ([`BuildConfig::validate`]).
+    pub fn new(config: BuildConfig, knowledge: Arc<Knowledge>) -> Self {
+        let text = Box::new(KnowledgeTextEncoder::new(knowledge.clone()));
+        let describer = Box::new(KnowledgeDescriber::new(knowledge.clone()));
+        Self::with_encoders(config, knowledge, Box::new(ColorShapeEncoder::default()), text, describer)
+    }
+
+    /// A builder with plugged-in encoders.
+    pub fn with_encoders(
+        config: BuildConfig,
+        knowledge: Arc<Knowledge>,
+        visual: Box<dyn VisualEncoder>,
+        text: Box<dyn TextEncoder>,
+        describer: Box<dyn Describer>,
+    ) -> Self {
+        Self {
+            config,
+            knowledge,
+            encoders: Encoders { visual, text, describer },
+            tracks: BTreeMap::new(),
+            occupancy: Occupancy::default(),
+            rooms: RoomSegmenter::default(),
+            next_id: 0,
+        }
+    }
+
+    /// The changes that follow from a frame. `carrier` says where what carries the camera is, which is left out of the
+    /// map. Detections of another frame are ignored; free space is still updated.
+    pub fn observe(&mut self, map: &Map, frame: &RgbdFrame, detections: &Detections, carrier: &Carrier) -> MapUpdate {
+        // A frame whose images do not fit its camera says nothing.
+        let pixels = frame.model.pixel_count();
+        if frame.color.len() != pixels || frame.depth_m.len() != pixels {
+            return MapUpdate { stamp: frame.stamp, changes: Vec::new() };
+        }
+        self.follow(map);
+        let mut draft = Draft::new(map);
+        // Single view parsing.
+        let observations = self.parse(frame, detections, carrier);
+        // Multi view mapping: associate one to one, fuse, start new objects.
+        let assigned = self.associate(&draft, &observations);
+        let touched = self.fuse(&mut draft, frame, observations, assigned);
+        // Clean-up: duplicates, what is gone, what was never confirmed.
+        merge::merge_duplicates(&self.config, &mut draft, &mut self.tracks, &touched);
+        absence::remove_absent(&self.config, &mut draft, &mut self.tracks, frame);
+        // Surroundings: free space, rooms, relations.
+        let cells = self.occupancy.observe(&self.config, frame, carrier, &map.free_space);
+        let rooms = self.divide_rooms(map, &mut draft, frame, cells.as_ref());
+        let relations = relations::relate(&self.config, &self.knowledge, &draft, &mut self.tracks);
+        let mut changes = draft.into_changes();
+        changes.extend(relations);
+        changes.extend(cells);
+        changes.extend(rooms.map(MapChange::Rooms));
+        MapUpdate { stamp: frame.stamp, changes }
+    }
+
+    /// Forgets objects that left the map and takes up those that it does not know.
+    fn follow(&mut self, map: &Map) {
+        self.tracks.retain(|id, _| map.objects.contains_key(id));
+        for (id, object) in &map.objects {
+            self.tracks.entry(*id).or_insert_with(|| Track::from_object(&self.config, object));
+            self.next_id = self.next_id.max(id.0 + 1);
+        }
+    }
+
+    fn parse(&self, frame: &RgbdFrame, detections: &Detections, carrier: &Carrier) -> Vec<Observation> {
+        if detections.frame != frame.id {
+            return Vec::new();
+        }
+        detections
+            .items
+            .par_iter()
+            .filter_map(|detection| {
+                let name = self.knowledge.find(&detection.name).map_or(&*detection.name, |c| &*c.name);
+                if STRUCTURE.contains(&name) {
+                    return None;
+                }
+                find_observation(&self.config, &self.encoders, frame, detection, carrier, name)
+            })
+            .collect()
+    }
+
+    fn associate(&self, draft: &Draft, observations: &[Observation]) -> Vec<Option<ObjectId>> {
+        let mut candidates: Vec<ObjectId> = Vec::new();
+        let mut scores = Vec::new();
+        for (id, track) in &self.tracks {
+            let reach = track.aabb.grown(2.0 * self.config.pose_tolerance_m);
+            for (index, observation) in observations.iter().enumerate() {
+                if reach.find_intersection(&observation.bounds).is_none() {
+                    continue;
+                }
+                let Some(object) = draft.find(*id) else { continue };
+                let score = associate::find_score(&self.config, observation, object, &track.aabb);
+                if let Some(score) = score.filter(|s| *s >= self.config.total_threshold) {
+                    if candidates.last() != Some(id) {
+                        candidates.push(*id);
+                    }
+                    scores.push((index, candidates.len() - 1, score));
+                }
+            }
+        }
+        let assigned = associate::assign(observations.len(), candidates.len(), &scores);
+        assigned.into_iter().map(|candidate| candidate.map(|c| candidates[c])).collect()
+    }
+
+    /// Fuses observations into their objects and starts new ones; returns the objects that were touched.
+    fn fuse(
+        &mut self,
+        draft: &mut Draft,
+        frame: &RgbdFrame,
+        observations: Vec<Observation>,
+        assigned: Vec<Option<ObjectId>>,
+    ) -> Vec<ObjectId> {
+        let mut touched = Vec::new();
+        for (observation, id) in observations.into_iter().zip(assigned) {
+            if let Some(id) = id {
+                if let (Some(track), Some(object)) = (self.tracks.get_mut(&id), draft.edit(id)) {
+                    track.fuse(&self.config, object, frame.stamp, observation);
+                    touched.push(id);
+                }
+            } else {
+                let id = ObjectId(self.next_id);
+                if let Some((track, object)) = Track::start(&self.config, id, frame.stamp, observation) {
+                    self.next_id += 1;
+                    self.tracks.insert(id, track);
+                    draft.add(object);
+                    touched.push(id);
+                }
+            }
+        }
+        touched
+    }
+
+    /// Puts touched objects into their rooms and, when it is due, divides the free space anew.
+    fn divide_rooms(
+        &mut self,
+        map: &Map,
+        draft: &mut Draft,
+        frame: &RgbdFrame,
+        cells: Option<&MapChange>,
+    ) -> Option<Vec<Room>> {
+        let due = self.rooms.is_due(&self.config, frame.stamp);
+        let rooms = due.then(|| {
+            let mut free: FreeSpace = map.free_space.clone();
+            if let Some(MapChange::Cells(cells)) = cells {
+                cells.iter().for_each(|(cell, state)| free.set(*cell, *state));
+            }
+            let objects = self.tracks.keys().filter_map(|id| draft.find(*id));
+            self.rooms.divide(&self.config, &self.knowledge, frame.stamp, &free, &self.occupancy, objects)
+        });
+        let moved: Vec<ObjectId> = if due { self.tracks.keys().copied().collect() } else { draft.edited() };
+        for id in moved {
+            let Some(object) = draft.find(id) else { continue };
+            let room = self.rooms.find_room(&map.free_space, &object.bounds.center.xy());
+            if room != object.room
+                && let Some(object) = draft.edit(id)
+            {
+                object.room = room;
+            }
+        }
+        rooms.filter(|rooms| *rooms != map.rooms)
+    }
+}

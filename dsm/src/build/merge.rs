@@ -1,0 +1,112 @@
+//! Merging duplicates and fragments.
+
+use super::config::BuildConfig;
+use super::draft::Draft;
+use super::track::{Track, blend};
+use crate::map::{MapObject, ObjectId, ObjectState, RemovalReason};
+use crate::perceive::cosine;
+use std::collections::BTreeMap;
+
+/// Common volume over the smaller box from which two objects of one name are one.
+const SAME_NAME_OVERLAP: f64 = 0.5;
+/// The same for two objects that were seen apart in two frames or more: a stack of plates is not one plate.
+const SEEN_APART_OVERLAP: f64 = 0.75;
+/// Intersection over union from which two objects in one place are one whatever their names (label flicker).
+const SAME_PLACE_IOU: f64 = 0.6;
+/// Text cosine from which names count as related, such as cabinet and wardrobe.
+const RELATED_NAMES: f32 = 0.2;
+/// Visual cosine asked of related names.
+const SAME_LOOK: f32 = 0.7;
+
+/// Merges every object of `changed` with what is the same thing. Each merge goes into the object with more
+/// observations (the older one at a tie); an object that already went is never a source or a target again.
+pub(super) fn merge_duplicates(
+    config: &BuildConfig,
+    draft: &mut Draft,
+    tracks: &mut BTreeMap<ObjectId, Track>,
+    changed: &[ObjectId],
+) {
+    let mut open: Vec<ObjectId> = changed.iter().rev().copied().collect();
+    while let Some(id) = open.pop() {
+        let Some(track) = tracks.get(&id) else { continue };
+        let rival = tracks
+            .iter()
+            .filter(|(other, t)| {
+                **other != id && t.aabb.grown(config.pose_tolerance_m).find_intersection(&track.aabb).is_some()
+            })
+            .find(|(other, t)| match (draft.find(id), draft.find(**other)) {
+                (Some(a), Some(b)) => is_same(config, a, track, b, t),
+                _ => false,
+            })
+            .map(|(other, _)| *other);
+        let Some(rival) = rival else { continue };
+        let rank = |id: ObjectId| draft.find(id).map_or(0, |object| object.observations);
+        let (keep, go) = match rank(id).cmp(&rank(rival)) {
+            std::cmp::Ordering::Equal => (id.min(rival), id.max(rival)),
+            std::cmp::Ordering::Greater => (id, rival),
+            std::cmp::Ordering::Less => (rival, id),
+        };
+        if merge(config, draft, tracks, keep, go) {
+            open.push(keep);
+        }
+    }
+}
+
+fn is_same(config: &BuildConfig, a: &MapObject, a_track: &Track, b: &MapObject, b_track: &Track) -> bool {
+    let common = a.bounds.intersection_volume_m3(&b.bounds);
+    let smaller = a.bounds.volume_m3().min(b.bounds.volume_m3()).max(1e-9);
+    let overlap = common / smaller;
+    let mutual = a.bounds.contains(&b.bounds.center, 0.0) && b.bounds.contains(&a.bounds.center, 0.0);
+    if !mutual && overlap < SAME_NAME_OVERLAP {
+        return false;
+    }
+    let text = cosine(&a.text_feature, &b.text_feature);
+    let visual = cosine(&a.visual_feature, &b.visual_feature);
+    let iou = common / (a.bounds.volume_m3() + b.bounds.volume_m3() - common).max(1e-9);
+    let together = seen_together(a_track, b_track);
+    if text >= config.text_threshold || a.name() == b.name() {
+        return if together >= 2 { overlap >= SEEN_APART_OVERLAP } else { true };
+    }
+    if together >= 2 {
+        return false;
+    }
+    iou >= SAME_PLACE_IOU && visual >= config.visual_threshold
+        || text >= RELATED_NAMES && visual >= SAME_LOOK && overlap >= SEEN_APART_OVERLAP
+}
+
+/// In how many frames of their windows both were seen.
+fn seen_together(a: &Track, b: &Track) -> usize {
+    let frames: Vec<_> = a.window.frames().collect();
+    b.window.frames().filter(|frame| frames.contains(frame)).count()
+}
+
+fn merge(
+    config: &BuildConfig,
+    draft: &mut Draft,
+    tracks: &mut BTreeMap<ObjectId, Track>,
+    keep: ObjectId,
+    go: ObjectId,
+) -> bool {
+    let Some(source) = draft.find(go).cloned() else { return false };
+    if draft.find(keep).is_none() {
+        return false;
+    }
+    let Some(gone) = tracks.remove(&go) else { return false };
+    let Some(track) = tracks.get_mut(&keep) else { return false };
+    let Some(target) = draft.edit(keep) else { return false };
+    track.window.absorb(config, gone.window, &track.aabb.center());
+    target.names.merge(&source.names);
+    target.attributes.merge(&source.attributes);
+    let part = source.observations as f32 / (source.observations + target.observations).max(1) as f32;
+    blend(&mut target.visual_feature, &source.visual_feature, part);
+    blend(&mut target.text_feature, &source.text_feature, part);
+    target.observations += source.observations;
+    target.first_seen = target.first_seen.min(source.first_seen);
+    target.last_seen = target.last_seen.max(source.last_seen);
+    if source.state == ObjectState::Stable || target.observations >= config.stable_observations {
+        target.state = ObjectState::Stable;
+    }
+    track.reshape(config, target);
+    draft.remove(go, RemovalReason::MergedInto(keep));
+    true
+}

@@ -1,0 +1,222 @@
+//! Free space from depth: which floor was seen, and what stands over it at which height.
+//!
+//! Each cell is a column of height bands with a counter of its own. A ray frees only the bands that it crosses, so that
+//! looking over a table does not free the table, and seeing the floor beneath it does not either.
+
+use super::carrier::Carrier;
+use super::cell_grid::CellGrid;
+use super::config::BuildConfig;
+use crate::frame::RgbdFrame;
+use crate::map::{CellState, FreeSpace, MapChange};
+use nalgebra::{Point2, Point3};
+
+/// Height bands of a column between obstacle height and headroom.
+const BANDS: usize = 8;
+/// Counter gained by a band in a frame that measured something there.
+const HIT: i8 = 2;
+/// Counter lost in a frame that looked through.
+const MISS: i8 = 1;
+/// Counter from which a band is occupied: two frames must agree.
+const OCCUPIED: i8 = 4;
+/// Lowest counter.
+const LOWEST: i8 = -4;
+/// Highest counter: seven looks through an obstacle clear it.
+const HIGHEST: i8 = 10;
+/// Points of a frame in one band of a column that count as a hit.
+const HIT_POINTS: u8 = 2;
+/// Every n-th column and row of the image is a point.
+const POINT_STRIDE: usize = 4;
+/// Every n-th column and row of the points is a ray.
+const RAY_STRIDE: usize = 2;
+/// A ray stops freeing this far before its end, metres.
+const RAY_MARGIN_M: f64 = 0.15;
+/// Height from which a column counts as a wall for the division into rooms, metres.
+const WALL_HEIGHT_M: f64 = 1.05;
+
+/// Evidence in one column.
+#[derive(Clone, Copy, Debug, Default)]
+struct Column {
+    /// Frames that saw the floor, up to 100.
+    floor: i8,
+    bands: [i8; BANDS],
+}
+
+/// What one frame says of one column.
+#[derive(Clone, Copy, Default)]
+struct Look {
+    floor: u8,
+    hits: [u8; BANDS],
+    /// Bit per band that a ray crossed.
+    crossed: u8,
+}
+
+/// Evidence about all columns.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Occupancy {
+    columns: CellGrid<Column>,
+}
+
+impl Occupancy {
+    /// Counts a frame in and returns the cells whose state differs from the map's.
+    pub(super) fn observe(
+        &mut self,
+        config: &BuildConfig,
+        frame: &RgbdFrame,
+        carrier: &Carrier,
+        known: &FreeSpace,
+    ) -> Option<MapChange> {
+        let looks = look(config, frame, carrier, known);
+        let mut changes = Vec::new();
+        for (index, look) in looks.values().iter().enumerate() {
+            if look.floor == 0 && look.crossed == 0 && look.hits == [0; BANDS] {
+                continue;
+            }
+            let cell = looks.cell_of(index);
+            let column = self.columns.at_mut(cell);
+            column.count(look);
+            let state = column.state();
+            if state != CellState::Unknown && state != known.state(cell) {
+                changes.push((cell, state));
+            }
+        }
+        self.stand(carrier, known, &mut changes);
+        (!changes.is_empty()).then_some(MapChange::Cells(changes))
+    }
+
+    /// Where the carrier stands there is floor and nothing else.
+    fn stand(&mut self, carrier: &Carrier, known: &FreeSpace, changes: &mut Vec<([i32; 2], CellState)>) {
+        let Some((center, radius_m)) = carrier.footprint else { return };
+        let (low, high) =
+            (known.cell_at(&(center.map(|c| c - radius_m))), known.cell_at(&(center.map(|c| c + radius_m))));
+        for row in low[1]..=high[1] {
+            for column in low[0]..=high[0] {
+                let cell = [column, row];
+                if (known.center_of(cell) - center).norm() > radius_m {
+                    continue;
+                }
+                let evidence = self.columns.at_mut(cell);
+                evidence.floor = evidence.floor.max(1);
+                evidence.bands = evidence.bands.map(|band| band.min(0));
+                changes.retain(|(changed, _)| *changed != cell);
+                if known.state(cell) != CellState::Free {
+                    changes.push((cell, CellState::Free));
+                }
+            }
+        }
+    }
+
+    /// Whether something tall stands in the cell: a wall as far as rooms are concerned. Furniture over which the camera
+    /// looked is none.
+    pub(super) fn is_wall(&self, config: &BuildConfig, cell: [i32; 2]) -> bool {
+        let column = self.columns.get(cell);
+        let first = band_of(config, WALL_HEIGHT_M).unwrap_or(BANDS - 1);
+        let tall = &column.bands[first..];
+        let occupied = column.bands.iter().any(|band| *band >= OCCUPIED);
+        occupied && (tall.iter().any(|band| *band >= OCCUPIED) || tall.iter().all(|band| *band >= 0))
+    }
+}
+
+impl Column {
+    fn count(&mut self, look: &Look) {
+        if look.floor > 0 {
+            self.floor = self.floor.saturating_add(1).min(100);
+        }
+        for (band, counter) in self.bands.iter_mut().enumerate() {
+            if look.hits[band] >= HIT_POINTS {
+                *counter = (*counter + HIT).min(HIGHEST);
+            } else if look.hits[band] == 0 && look.crossed >> band & 1 == 1 {
+                *counter = (*counter - MISS).max(LOWEST);
+            }
+        }
+    }
+
+    fn state(&self) -> CellState {
+        if self.bands.iter().any(|band| *band >= OCCUPIED) {
+            CellState::Occupied
+        } else if self.floor > 0 {
+            CellState::Free
+        } else {
+            CellState::Unknown
+        }
+    }
+}
+
+/// The band at a height; `None` below the obstacles or above the headroom.
+fn band_of(config: &BuildConfig, height_m: f64) -> Option<usize> {
+    let span = config.headroom_m - config.obstacle_height_m;
+    let part = (height_m - config.obstacle_height_m) / span;
+    (0.0..1.0).contains(&part).then(|| (part * BANDS as f64) as usize)
+}
+
+/// What a frame says about the columns around its camera.
+fn look(config: &BuildConfig, frame: &RgbdFrame, carrier: &Carrier, known: &FreeSpace) -> CellGrid<Look> {
+    let eye = Point3::from(frame.world_from_camera.translation.vector);
+    let reach = config.max_floor_depth_m * 1.5;
+    let low = known.cell_at(&Point2::new(eye.x - reach, eye.y - reach));
+    let high = known.cell_at(&Point2::new(eye.x + reach, eye.y + reach));
+    let mut looks: CellGrid<Look> = CellGrid::covering(low, [high[0] + 1, high[1] + 1]);
+    let rotation = frame.world_from_camera.rotation.to_rotation_matrix();
+    let (width, height) = (frame.model.width as usize, frame.model.height as usize);
+    for row in (0..height).step_by(POINT_STRIDE) {
+        for column in (0..width).step_by(POINT_STRIDE) {
+            let depth = f64::from(frame.depth_m[row * width + column]);
+            if depth <= 0.0 {
+                continue;
+            }
+            let in_range = depth <= config.max_floor_depth_m;
+            let used = depth.min(config.max_floor_depth_m);
+            let point = eye + rotation * frame.model.back_project(column as u32, row as u32, used).coords;
+            if carrier.bodies.iter().any(|body| body.contains(&point, 0.03)) {
+                continue;
+            }
+            if in_range {
+                mark_hit(config, &mut looks, known, &point, depth);
+            }
+            let is_ray =
+                (row / POINT_STRIDE).is_multiple_of(RAY_STRIDE) && (column / POINT_STRIDE).is_multiple_of(RAY_STRIDE);
+            if is_ray {
+                mark_crossed(config, &mut looks, known, &eye, &point);
+            }
+        }
+    }
+    looks
+}
+
+fn mark_hit(config: &BuildConfig, looks: &mut CellGrid<Look>, known: &FreeSpace, point: &Point3<f64>, depth_m: f64) {
+    let Some(index) = looks.find_index(known.cell_at(&point.xy())) else { return };
+    let look = &mut looks.values_mut()[index];
+    // Pitch errors lift far floor: 1 cm per metre.
+    let tilt = 0.01 * depth_m;
+    if point.z.abs() < config.floor_height_m + tilt {
+        look.floor = look.floor.saturating_add(1);
+    } else if point.z > config.obstacle_height_m + tilt
+        && let Some(band) = band_of(config, point.z)
+    {
+        look.hits[band] = look.hits[band].saturating_add(1);
+    }
+}
+
+fn mark_crossed(
+    config: &BuildConfig,
+    looks: &mut CellGrid<Look>,
+    known: &FreeSpace,
+    eye: &Point3<f64>,
+    point: &Point3<f64>,
+) {
+    let ray = point - eye;
+    let length = ray.norm();
+    let flat = ray.xy().norm();
+    if length <= RAY_MARGIN_M || flat < 1e-6 {
+        return;
+    }
+    let end = 1.0 - RAY_MARGIN_M / length;
+    let step = known.resolution_m / flat;
+    let mut part = 0.5 * step;
+    while part < end {
+        let place = eye + ray * part;
+        part += step;
+        if let (Some(band), Some(index)) = (band_of(config, place.z), looks.find_index(known.cell_at(&place.xy()))) {
+            looks.values_mut()[index].crossed |= 1 << band;
+        }
+    }
+}

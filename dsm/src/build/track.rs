@@ -1,0 +1,111 @@
+//! What the builder keeps about an object beside the map: the window and derived values. Never stored in the map.
+
+use super::config::BuildConfig;
+use super::observation::{Observation, robust_aabb};
+use super::window::Window;
+use crate::geometry::{Aabb, OrientedBox};
+use crate::map::{MapObject, ObjectId, ObjectState, Votes};
+use crate::perceive::normalize;
+use crate::time::Stamp;
+
+/// Builder's memory of one object.
+#[derive(Clone, Debug)]
+pub(super) struct Track {
+    pub(super) window: Window,
+    /// Axis-aligned box around its points.
+    pub(super) aabb: Aabb,
+    /// Heights of its upward faces, metres.
+    pub(super) surfaces: Vec<f64>,
+    /// Frames in a row that saw through it.
+    pub(super) absent: u32,
+    /// Box and name when its relations were last computed.
+    pub(super) related: Option<(OrientedBox, String)>,
+}
+
+impl Track {
+    /// A track for an object whose views are not known, for example from a stored map.
+    pub(super) fn from_object(config: &BuildConfig, object: &MapObject) -> Self {
+        let aabb = robust_aabb(&object.points).unwrap_or_else(|| object.bounds.aabb());
+        let mut window = Window::from_points(&object.points, &aabb);
+        let surfaces = window.find_shape(config).map_or_else(|| vec![object.bounds.top_m()], |shape| shape.surfaces);
+        Self { window, aabb, surfaces, absent: 0, related: None }
+    }
+
+    /// The first observation of a new object.
+    pub(super) fn start(
+        config: &BuildConfig,
+        id: ObjectId,
+        stamp: Stamp,
+        observation: Observation,
+    ) -> Option<(Self, MapObject)> {
+        let mut track = Self {
+            window: Window::new(&observation.bounds),
+            aabb: observation.bounds,
+            surfaces: Vec::new(),
+            absent: 0,
+            related: None,
+        };
+        let mut object = MapObject {
+            id,
+            state: ObjectState::Provisional,
+            names: Votes::default(),
+            points: Vec::new(),
+            bounds: observation.bounds.into(),
+            attributes: Default::default(),
+            visual_feature: Vec::new(),
+            text_feature: Vec::new(),
+            room: None,
+            observations: 0,
+            first_seen: stamp,
+            last_seen: stamp,
+        };
+        track.fuse(config, &mut object, stamp, observation).then_some((track, object))
+    }
+
+    /// Fuses an observation into the object; false when no shape is left.
+    pub(super) fn fuse(
+        &mut self,
+        config: &BuildConfig,
+        object: &mut MapObject,
+        stamp: Stamp,
+        observation: Observation,
+    ) -> bool {
+        self.absent = 0;
+        self.window.add(config, observation.view, &observation.points, &self.aabb.center());
+        let weight = observation.weight.max(1e-3);
+        object.names.add(&observation.name, weight);
+        for vote in &observation.attributes {
+            object.attributes.add(vote.kind, vote.key, &vote.word, vote.weight * weight);
+        }
+        // A running mean whose newest view counts for at least a twentieth: light changes.
+        let part = (1.0 / (object.observations as f32 + 1.0)).max(0.05);
+        blend(&mut object.visual_feature, &observation.visual_feature, part);
+        blend(&mut object.text_feature, &observation.text_feature, part);
+        object.observations += 1;
+        object.last_seen = stamp;
+        if object.observations >= config.stable_observations {
+            object.state = ObjectState::Stable;
+        }
+        self.reshape(config, object)
+    }
+
+    /// Reads the shape off the window into the object; false when nothing is left.
+    pub(super) fn reshape(&mut self, config: &BuildConfig, object: &mut MapObject) -> bool {
+        let Some(shape) = self.window.find_shape(config) else { return false };
+        object.points = shape.points;
+        object.bounds = shape.bounds;
+        self.aabb = shape.aabb;
+        self.surfaces = shape.surfaces;
+        true
+    }
+}
+
+/// Moves a unit vector towards another by `part` and keeps its length.
+pub(super) fn blend(feature: &mut Vec<f32>, new: &[f32], part: f32) {
+    if feature.len() == new.len() {
+        feature.iter_mut().zip(new).for_each(|(f, n)| *f += (n - *f) * part);
+        *feature = normalize(std::mem::take(feature));
+    } else {
+        *feature = new.to_vec();
+    }
+}

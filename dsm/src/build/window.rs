@@ -1,0 +1,301 @@
+//! The geometry sliding window: an object's shape as voxels on which its recent views vote.
+//!
+//! Each view is a frustum with a coarse depth image. A voxel keeps how many views of the window could see it (`chances`)
+//! and how many of them measured the object there (`hits`); a hidden place is no chance. The surface is what enough
+//! chances agree on. Counts are kept up to date by adding the newest view and taking the evicted one back, so one
+//! observation costs two tests per voxel, however long the window is.
+
+use super::config::BuildConfig;
+use super::observation::{find_percentiles, robust_aabb};
+use super::view::{Evidence, View};
+use crate::geometry::{Aabb, OrientedBox, convex_hull, smallest_rectangle_axis};
+use crate::map::MapPoint;
+use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
+
+/// Tolerance of a voxel test beside the voxel's size and the depth noise: the pose error within the window, metres.
+const POSE_TOLERANCE_M: f32 = 0.03;
+/// Points averaged into a voxel before newer ones push older ones out.
+const MEMORY: u16 = 32;
+
+#[derive(Clone, Debug)]
+struct Voxel {
+    key: [i32; 3],
+    position: Point3<f32>,
+    color: [f32; 3],
+    samples: u16,
+    /// Views that agree, with one for what was known before the window.
+    hits: u16,
+    chances: u16,
+    /// 1 if it was known before the window (an evicted view or a loaded map).
+    remembered: u16,
+}
+
+/// The window of one object.
+#[derive(Clone, Debug)]
+pub(super) struct Window {
+    voxel_m: f32,
+    /// Sorted by key.
+    voxels: Vec<Voxel>,
+    /// Oldest first.
+    views: Vec<View>,
+}
+
+/// Shape read off a window.
+pub(super) struct Shape {
+    pub(super) points: Vec<MapPoint>,
+    pub(super) bounds: OrientedBox,
+    pub(super) aabb: Aabb,
+    /// Heights of its upward faces in metres, rising; the top is the last.
+    pub(super) surfaces: Vec<f64>,
+}
+
+impl Window {
+    /// An empty window for a thing of this size.
+    pub(super) fn new(extent: &Aabb) -> Self {
+        Self { voxel_m: voxel_size_m(extent), voxels: Vec::new(), views: Vec::new() }
+    }
+
+    /// A window that remembers points without their views.
+    pub(super) fn from_points(points: &[MapPoint], extent: &Aabb) -> Self {
+        let mut window = Self::new(extent);
+        window.insert(points, 1);
+        window.voxels.iter_mut().for_each(|v| (v.hits, v.chances) = (1, 1));
+        window
+    }
+
+    /// Frames of its views, oldest first.
+    pub(super) fn frames(&self) -> impl Iterator<Item = crate::frame::FrameId> + '_ {
+        self.views.iter().map(|view| view.frame)
+    }
+
+    /// Adds a view with its points and evicts what exceeds the window.
+    pub(super) fn add(&mut self, config: &BuildConfig, view: View, points: &[MapPoint], center: &Point3<f64>) {
+        self.testify(&view, 1);
+        self.insert(points, 0);
+        self.views.push(view);
+        let (voxel_m, views) = (self.voxel_m, &self.views);
+        self.voxels.iter_mut().filter(|v| v.samples == 0).for_each(|v| {
+            (v.hits, v.chances) = (0, 0);
+            views.iter().for_each(|view| count(v, view, voxel_m, 1));
+            v.samples = 1;
+        });
+        self.evict(config, center);
+        if self.voxels.len() > 3 * config.max_points {
+            self.coarsen(self.voxel_m * 2.0);
+        }
+    }
+
+    /// Takes over all that another window knows.
+    pub(super) fn absorb(&mut self, config: &BuildConfig, other: Self, center: &Point3<f64>) {
+        let points: Vec<MapPoint> = other.voxels.iter().filter(|v| is_kept(v, config)).map(Voxel::point).collect();
+        if other.voxel_m > self.voxel_m {
+            self.coarsen(other.voxel_m);
+        }
+        self.insert(&points, 1);
+        self.voxels.iter_mut().for_each(|v| v.samples = v.samples.max(1));
+        self.views.extend(other.views);
+        self.views.sort_by_key(|view| view.frame);
+        self.recount();
+        self.evict(config, center);
+    }
+
+    /// The surface that enough views agree on; `None` when nothing is left.
+    pub(super) fn find_shape(&mut self, config: &BuildConfig) -> Option<Shape> {
+        let mut points: Vec<MapPoint> = self.voxels.iter().filter(|v| is_kept(v, config)).map(Voxel::point).collect();
+        let aabb = robust_aabb(&points)?;
+        let wanted = voxel_size_m(&aabb);
+        if wanted > self.voxel_m {
+            self.coarsen(wanted);
+            points = self.voxels.iter().filter(|v| is_kept(v, config)).map(Voxel::point).collect();
+        }
+        let bounds = upright_box(&points, &aabb, f64::from(self.voxel_m))?;
+        let surfaces = find_surfaces(&points, &bounds, f64::from(self.voxel_m));
+        if points.len() > config.max_points {
+            let step = points.len() as f64 / config.max_points as f64;
+            points = (0..config.max_points).map(|i| points[(i as f64 * step) as usize]).collect();
+        }
+        Some(Shape { points, bounds, aabb, surfaces })
+    }
+
+    /// Counts the evidence of a view into all voxels (`sign` 1) or out of them (-1).
+    fn testify(&mut self, view: &View, sign: i16) {
+        let voxel_m = self.voxel_m;
+        self.voxels.iter_mut().for_each(|voxel| count(voxel, view, voxel_m, sign));
+    }
+
+    /// Adds points; new voxels are marked by `samples == 0` and take `remembered`.
+    fn insert(&mut self, points: &[MapPoint], remembered: u16) {
+        let mut keyed: Vec<([i32; 3], &MapPoint)> = points.iter().map(|p| (self.key(&p.position), p)).collect();
+        keyed.sort_by_key(|(key, _)| *key);
+        let known = self.voxels.len();
+        let mut cursor = 0;
+        for (key, point) in keyed {
+            while cursor < known && self.voxels[cursor].key < key {
+                cursor += 1;
+            }
+            if cursor < known && self.voxels[cursor].key == key {
+                self.voxels[cursor].blend(point);
+            } else if let Some(last) = self.voxels[known..].last_mut().filter(|v| v.key == key) {
+                last.blend_new(point);
+            } else {
+                self.voxels.push(Voxel {
+                    key,
+                    position: point.position,
+                    color: point.color.map(f32::from),
+                    samples: 0,
+                    hits: remembered,
+                    chances: remembered,
+                    remembered,
+                });
+            }
+        }
+        self.voxels.sort_by_key(|v| v.key);
+    }
+
+    fn key(&self, position: &Point3<f32>) -> [i32; 3] {
+        [position.x, position.y, position.z].map(|c| (c / self.voxel_m).floor() as i32)
+    }
+
+    /// Drops the oldest view of the sector that has the most, until the window fits: a robot that stands still must not
+    /// push out what it saw from the other side.
+    fn evict(&mut self, config: &BuildConfig, center: &Point3<f64>) {
+        while self.views.len() > config.window_views {
+            let sectors: Vec<_> = self.views.iter().map(|view| view.sector(center)).collect();
+            let crowd = |i: usize| sectors.iter().filter(|s| **s == sectors[i]).count();
+            let victim = (0..self.views.len()).fold(0, |best, i| if crowd(i) > crowd(best) { i } else { best });
+            let view = self.views.remove(victim);
+            self.testify(&view, -1);
+            for voxel in &mut self.voxels {
+                if voxel.hits == 0 && voxel.chances == 0 {
+                    (voxel.hits, voxel.chances, voxel.remembered) = (1, 1, 1);
+                }
+            }
+        }
+        self.voxels.retain(|voxel| voxel.hits > 0);
+    }
+
+    fn coarsen(&mut self, voxel_m: f32) {
+        let old = std::mem::take(&mut self.voxels);
+        self.voxel_m = voxel_m;
+        let points: Vec<MapPoint> = old.iter().map(Voxel::point).collect();
+        self.insert(&points, 0);
+        self.voxels.iter_mut().for_each(|v| v.samples = 1);
+        for voxel in old.iter().filter(|v| v.remembered > 0) {
+            let key = self.key(&voxel.position);
+            if let Ok(i) = self.voxels.binary_search_by_key(&key, |v| v.key) {
+                self.voxels[i].remembered = 1;
+            }
+        }
+        self.recount();
+    }
+
+    fn recount(&mut self) {
+        let (voxel_m, views) = (self.voxel_m, &self.views);
+        for voxel in &mut self.voxels {
+            (voxel.hits, voxel.chances) = (voxel.remembered, voxel.remembered);
+            views.iter().for_each(|view| count(voxel, view, voxel_m, 1));
+        }
+        self.voxels.retain(|voxel| voxel.hits > 0);
+    }
+}
+
+impl Voxel {
+    fn point(&self) -> MapPoint {
+        MapPoint { position: self.position, color: self.color.map(|c| c.round() as u8) }
+    }
+
+    fn blend(&mut self, point: &MapPoint) {
+        self.samples = (self.samples + 1).min(MEMORY);
+        let part = 1.0 / f32::from(self.samples);
+        self.position += (point.position - self.position) * part;
+        self.color.iter_mut().zip(point.color).for_each(|(c, new)| *c += (f32::from(new) - *c) * part);
+    }
+
+    /// Averages into a voxel that is new in this frame without ending its mark.
+    fn blend_new(&mut self, point: &MapPoint) {
+        self.position += (point.position - self.position) * 0.5;
+        self.color.iter_mut().zip(point.color).for_each(|(c, new)| *c += (f32::from(new) - *c) * 0.5);
+    }
+}
+
+fn count(voxel: &mut Voxel, view: &View, voxel_m: f32, sign: i16) {
+    // The voxel's centre, not its moving mean: taking a view back must find what adding it found.
+    let center = Point3::from(voxel.key.map(|k| (k as f32 + 0.5) * voxel_m));
+    match view.testify(&center, POSE_TOLERANCE_M + voxel_m) {
+        Evidence::Agrees => {
+            voxel.hits = voxel.hits.saturating_add_signed(sign);
+            voxel.chances = voxel.chances.saturating_add_signed(sign);
+        }
+        Evidence::Denies => voxel.chances = voxel.chances.saturating_add_signed(sign),
+        Evidence::Silent => {}
+    }
+}
+
+fn is_kept(voxel: &Voxel, config: &BuildConfig) -> bool {
+    f64::from(voxel.hits) >= config.vote_share * f64::from(voxel.chances)
+}
+
+/// 1 cm for what fits in a hand, 2 cm for boxes and chairs, 4 cm for furniture.
+fn voxel_size_m(extent: &Aabb) -> f32 {
+    match extent.size().max() {
+        size if size < 0.35 => 0.01,
+        size if size < 1.2 => 0.02,
+        _ => 0.04,
+    }
+}
+
+/// The upright box with the rectangle of least area, between the 1st and 99th percentile along its axes.
+fn upright_box(points: &[MapPoint], aabb: &Aabb, voxel_m: f64) -> Option<OrientedBox> {
+    let margin = 0.5 * voxel_m;
+    let flat: Vec<Point2<f64>> = points
+        .iter()
+        .map(|p| p.position.cast::<f64>().xy())
+        .filter(|p| (0..2).all(|i| p[i] >= aabb.min[i] - margin && p[i] <= aabb.max[i] + margin))
+        .collect();
+    let axis = smallest_rectangle_axis(&convex_hull(&flat));
+    let yaw_rad = axis.y.atan2(axis.x).rem_euclid(std::f64::consts::FRAC_PI_2);
+    let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
+    let box_from_world = rotation.inverse().cast::<f32>();
+    let mut low = Vector3::zeros();
+    let mut high = Vector3::zeros();
+    let turned: Vec<Point3<f32>> = points.iter().map(|p| box_from_world * p.position).collect();
+    let mut values: Vec<f32> = Vec::with_capacity(turned.len());
+    for i in 0..3 {
+        values.clear();
+        values.extend(turned.iter().map(|p| p[i]));
+        (low[i], high[i]) = find_percentiles(&mut values)?;
+    }
+    let size = (high - low).map(|side| side.max(0.5 * voxel_m));
+    Some(OrientedBox { center: rotation * Point3::from((low + high) * 0.5), size, rotation })
+}
+
+/// Heights where the points of a thin slice cover a share of the footprint: boards, seats, the top.
+fn find_surfaces(points: &[MapPoint], bounds: &OrientedBox, voxel_m: f64) -> Vec<f64> {
+    const SLICE_M: f64 = 0.02;
+    const SHARE: f64 = 0.15;
+    let (bottom, top) = (bounds.bottom_m(), bounds.top_m());
+    let mut slices = vec![(0usize, 0.0f64); ((top - bottom) / SLICE_M) as usize + 2];
+    for point in points {
+        let z = f64::from(point.position.z);
+        let slice = (((z - bottom) / SLICE_M).max(0.0) as usize).min(slices.len() - 1);
+        slices[slice].0 += 1;
+        slices[slice].1 += z;
+    }
+    let footprint_m2 = (bounds.size.x * bounds.size.y).max(1e-4);
+    let mut counts: Vec<usize> = slices.iter().map(|s| s.0).collect();
+    counts.sort_unstable();
+    let median = counts[counts.len() / 2] as f64;
+    let mut surfaces: Vec<f64> = Vec::new();
+    for i in 0..slices.len() {
+        let pair = slices.get(i + 1).map_or(slices[i], |next| (slices[i].0 + next.0, slices[i].1 + next.1));
+        let covered = pair.0 as f64 * voxel_m * voxel_m / footprint_m2;
+        if covered >= SHARE && pair.0 as f64 > 3.0 * median {
+            let height = pair.1 / pair.0 as f64;
+            if surfaces.last().is_none_or(|last| height - last > 0.06) && top - height > 0.06 {
+                surfaces.push(height);
+            }
+        }
+    }
+    surfaces.push(top);
+    surfaces
+}

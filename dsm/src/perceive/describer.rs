@@ -1,0 +1,182 @@
+//! The embedded describer: appearance from pixels, physical properties from geometry and prior, affordances from the
+//! knowledge table.
+
+use super::{AttributeVote, ColorName, ColorTable, Describer, ObjectView};
+use crate::knowledge::{Category, Knowledge};
+use crate::map::AttributeKind::{self, Affordance, Appearance, Physical};
+use std::sync::Arc;
+
+/// Share of the pixels from which a second colour makes the pattern multicolored.
+const SECOND_COLOR: f32 = 0.25;
+/// Mean lightness step between neighbouring pixels (CIELAB) from which a surface looks rough.
+const ROUGH: f32 = 4.5;
+/// Lightness spread (CIELAB, standard deviation) beyond shading from which a single-coloured surface is patterned.
+const PATTERNED: f32 = 14.0;
+/// Density assumed for things of unknown mass, kilograms per cubic metre of their box (hollow household things).
+const BOX_DENSITY_KG_PER_M3: f64 = 150.0;
+
+/// Describes views without a model.
+#[derive(Clone, Debug)]
+pub struct KnowledgeDescriber {
+    knowledge: Arc<Knowledge>,
+    colors: ColorTable,
+}
+
+/// What the pixels of one view say.
+struct PixelStatistics {
+    shares: [f32; ColorName::ALL.len()],
+    lightness_spread: f32,
+    roughness: f32,
+    highlights: f32,
+}
+
+impl KnowledgeDescriber {
+    /// A describer over a knowledge table.
+    pub fn new(knowledge: Arc<Knowledge>) -> Self {
+        Self { knowledge, colors: ColorTable::new() }
+    }
+
+    fn measure(&self, view: &ObjectView) -> PixelStatistics {
+        let (mut shares, mut sum, mut squares, mut steps, mut highlights) = ([0.0f32; 11], 0.0, 0.0, 0.0, 0.0);
+        for &pixel in view.pixels {
+            let pixel = pixel as usize;
+            let color = self.colors.find(view.frame.color[pixel]);
+            shares[color.name as usize] += 1.0;
+            sum += color.lightness;
+            squares += color.lightness * color.lightness;
+            if color.lightness > 95.0 {
+                highlights += 1.0;
+            }
+            let next = self.colors.find(*view.frame.color.get(pixel + 1).unwrap_or(&view.frame.color[pixel]));
+            steps += (next.lightness - color.lightness).abs();
+        }
+        let count = view.pixels.len().max(1) as f32;
+        shares.iter_mut().for_each(|share| *share /= count);
+        let mean = sum / count;
+        PixelStatistics {
+            shares,
+            lightness_spread: (squares / count - mean * mean).max(0.0).sqrt(),
+            roughness: steps / count,
+            highlights: highlights / count,
+        }
+    }
+}
+
+impl Describer for KnowledgeDescriber {
+    fn describe(&self, view: &ObjectView) -> Vec<AttributeVote> {
+        let mut votes = Vec::new();
+        let mut vote = |kind: AttributeKind, key: &'static str, word: &str, weight: f32| {
+            votes.push(AttributeVote { kind, key, word: word.to_owned(), weight });
+        };
+        let category = self.knowledge.find(view.name);
+        if !view.pixels.is_empty() {
+            let statistics = self.measure(view);
+            let mut ranked: Vec<_> = ColorName::ALL.into_iter().map(|n| (statistics.shares[n as usize], n)).collect();
+            ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            ranked.iter().take(3).filter(|(share, _)| *share > 0.1).for_each(|(share, name)| {
+                vote(Appearance, "color", name.word(), *share);
+            });
+            let pattern = match () {
+                () if ranked[1].0 > SECOND_COLOR && !is_shade(ranked[0].1, ranked[1].1) => "multicolored",
+                () if statistics.lightness_spread > PATTERNED => "patterned",
+                () => "plain",
+            };
+            vote(Appearance, "pattern", pattern, 1.0);
+            vote(Appearance, "texture", if statistics.roughness > ROUGH { "rough" } else { "smooth" }, 1.0);
+            for (material, weight) in material_votes(category, ranked[0].1, &statistics) {
+                vote(Physical, "material", &material, weight);
+                if let Some(smoothness) = smoothness_of(&material) {
+                    vote(Physical, "smoothness", smoothness, weight);
+                }
+            }
+        }
+        let largest = view.extent_m.max();
+        vote(
+            Physical,
+            "size",
+            if largest < 0.2 {
+                "small"
+            } else if largest < 0.8 {
+                "medium"
+            } else {
+                "large"
+            },
+            1.0,
+        );
+        let mass_kg = category
+            .and_then(|c| c.mass_kg)
+            .unwrap_or(BOX_DENSITY_KG_PER_M3 * view.extent_m.x * view.extent_m.y * view.extent_m.z);
+        vote(
+            Physical,
+            "weight",
+            if mass_kg < 0.7 {
+                "light"
+            } else if mass_kg < 5.0 {
+                "medium"
+            } else {
+                "heavy"
+            },
+            1.0,
+        );
+        if let Some(category) = category {
+            category.uses.iter().for_each(|word| vote(Affordance, "use", word, 1.0));
+            category.operate.iter().for_each(|word| vote(Affordance, "operate", word, 1.0));
+        }
+        votes
+    }
+}
+
+/// Whether one name is what shading makes of the other; then both together are no pattern.
+fn is_shade(first: ColorName, second: ColorName) -> bool {
+    use ColorName::{Black, Brown, Gray, Orange, Pink, Red, White, Yellow};
+    let pair = if first < second { (first, second) } else { (second, first) };
+    matches!(
+        pair,
+        (White, Gray)
+            | (Black, Gray)
+            | (Orange, Brown)
+            | (Brown, Yellow)
+            | (Red, Brown)
+            | (Red, Pink)
+            | (Red, Orange)
+            | (Orange, Yellow)
+            | (Black, Brown)
+    )
+}
+
+/// The prior's materials, the likeliest first, moved by what the pixels show.
+fn material_votes(category: Option<&Category>, color: ColorName, statistics: &PixelStatistics) -> Vec<(String, f32)> {
+    let Some(category) = category else { return Vec::new() };
+    category
+        .materials
+        .iter()
+        .enumerate()
+        .map(|(rank, material)| {
+            let prior = 1.0 / (1.0 + rank as f32);
+            let seen = match material.as_str() {
+                "wood" if matches!(color, ColorName::Brown | ColorName::Orange) => 0.8,
+                "wood" if matches!(color, ColorName::Gray) => -0.3,
+                "metal" | "steel" | "stainless steel" if color == ColorName::Gray => 0.6,
+                "metal" | "glass" if statistics.highlights > 0.03 => 0.3,
+                "ceramic" | "porcelain" if color == ColorName::White => 0.4,
+                "fabric" | "cloth" | "cotton" | "wool" if statistics.roughness > ROUGH => 0.5,
+                "plastic"
+                    if matches!(color, ColorName::Red | ColorName::Blue | ColorName::Green | ColorName::Yellow) =>
+                {
+                    0.3
+                }
+                _ => 0.0,
+            };
+            (material.clone(), (prior + seen).max(0.05))
+        })
+        .collect()
+}
+
+fn smoothness_of(material: &str) -> Option<&'static str> {
+    match material {
+        "metal" | "steel" | "stainless steel" | "glass" | "ceramic" | "porcelain" | "plastic" => Some("smooth"),
+        "wood" | "paper" | "cardboard" | "stone" => Some("even"),
+        "fabric" | "cloth" | "cotton" | "wool" | "wicker" | "foam" => Some("soft"),
+        _ => None,
+    }
+}
