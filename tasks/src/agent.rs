@@ -8,13 +8,14 @@ use crate::error::TaskError;
 use crate::journal::Journal;
 use crate::perception::Perception;
 use dsm::Pose;
+use dsm::build::Carrier;
 use dsm::frame::RgbdFrame;
 use dsm::map::Map;
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::{DriverError, JointState, Robot, Twist};
 use dsm_robot::joints::JointVelocities;
 use dsm_robot::model::{Configuration, RobotModel};
-use nalgebra::{DMatrix, DVector, Point3, Vector3};
+use nalgebra::{DMatrix, DVector, Point2, Point3, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -175,15 +176,21 @@ impl Agent {
         let frame = Arc::new(frame);
         let configuration = self.configuration()?;
         let world_from_base = self.world_from_base()?;
-        let own_body = self.model.link_boxes(&configuration, &world_from_base);
+        let carrier = Carrier {
+            bodies: self.model.link_boxes(&configuration, &world_from_base),
+            footprint: Some((
+                Point2::from(world_from_base.translation.vector.xy()),
+                self.model.settings.base.footprint_radius_m,
+            )),
+        };
         self.journal.note_frame(&frame, &world_from_base);
         self.frames.insert(frame.camera.to_string(), frame.clone());
-        Ok(self.perception.submit(frame, own_body)?)
+        Ok(self.perception.submit(frame, carrier)?)
     }
 
     /// Ticks without moving base or arm.
     pub fn rest(&mut self, duration: Span) -> Result<(), Halt> {
-        let still = JointVelocities::zeros(&self.model.arm.names);
+        let still = JointVelocities::zeros(&self.model.arm.joints);
         let end = self.now() + duration;
         while self.now() < end {
             self.tick(Twist::default(), &still)?;
@@ -194,7 +201,7 @@ impl Agent {
     /// Runs `plan` beside the loop while the robot stands still; its result shows after the declared planning latency.
     pub fn plan<T: Send + 'static>(&mut self, plan: impl FnOnce() -> T + Send + 'static) -> Result<T, Halt> {
         let mut deferred = self.plan_beside(plan);
-        let still = JointVelocities::zeros(&self.model.arm.names);
+        let still = JointVelocities::zeros(&self.model.arm.joints);
         loop {
             if let Some(result) = deferred.find(self.now()) {
                 return Ok(result);
@@ -284,7 +291,7 @@ impl Agent {
 
     /// Stops the base and the arm, best effort, at the end of a run.
     pub fn stop(&mut self) {
-        let still = JointVelocities::zeros(&self.model.arm.names);
+        let still = JointVelocities::zeros(&self.model.arm.joints);
         // The run is over whatever they answer; limits and time-outs stop a part that does not.
         let _ = self.robot.base().command(Twist::default());
         let _ = self.robot.arm().command(&still);
@@ -310,14 +317,15 @@ impl Agent {
                 goal.iter().zip(state.positions.values()).map(|(goal, now)| gain * (goal - now)).collect()
             }
             Gaze::Point(point) => {
-                let Some((_, camera)) = self.model.find_camera("head") else { return Ok(JointVelocities::zeros(&group.names)) };
+                let Some((_, camera)) = self.model.find_camera("head") else { return Ok(JointVelocities::zeros(&group.joints)) };
                 let configuration = self.configuration()?;
-                let base_from_camera = self.model.kinematics.root_from_link(&configuration, camera);
+                let poses = self.model.kinematics.root_from_links(&configuration);
+                let base_from_camera = *poses.get(camera);
                 let point_in_base = self.world_from_base()?.inverse_transform_point(&point);
                 let axis = base_from_camera * Vector3::z();
                 let direction = (point_in_base - Point3::from(base_from_camera.translation.vector)).normalize();
                 let turn = axis.cross(&direction) * gain;
-                let jacobian = self.model.kinematics.jacobian(&configuration, camera, &group);
+                let jacobian = self.model.kinematics.jacobian(&poses, camera, &Point3::origin(), &group);
                 let angular: DMatrix<f64> = jacobian.rows(3, 3).into_owned();
                 // Damping keeps the answer small near the pan axis.
                 let normal = angular.transpose() * &angular + DMatrix::identity(group.len(), group.len()) * 1e-2;
@@ -325,7 +333,7 @@ impl Agent {
                 normal.cholesky().map_or_else(|| vec![0.0; group.len()], |c| c.solve(&rhs).as_slice().to_vec())
             }
         };
-        let mut command = JointVelocities::zeros(&group.names);
+        let mut command = JointVelocities::zeros(&group.joints);
         for ((value, wanted), limit) in command.values_mut().iter_mut().zip(velocities).zip(&group.limits) {
             *value = wanted.clamp(-limit.velocity, limit.velocity);
         }

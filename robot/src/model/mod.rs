@@ -6,6 +6,7 @@
 //! robot.urdf ─┘
 //! ```
 
+mod boxes;
 pub mod collision;
 pub mod kinematics;
 pub mod settings;

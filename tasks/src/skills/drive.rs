@@ -57,7 +57,7 @@ impl<'a> Drive<'a> {
 
     /// Drives.
     pub fn run(mut self, agent: &mut Agent) -> Result<DriveOutcome, Halt> {
-        let still = JointVelocities::zeros(&agent.model().arm.names);
+        let still = JointVelocities::zeros(&agent.model().arm.joints);
         let mut trouble = 0;
         let work = self.planning(agent)?;
         let (mut costmap, path) = agent.plan(work)?;
