@@ -26,9 +26,6 @@ mod track;
 mod view;
 mod window;
 
-#[cfg(test)]
-mod scene_tests;
-
 pub use carrier::Carrier;
 pub use config::{BuildConfig, BuildConfigError};
 

@@ -164,7 +164,7 @@ fn sample_points(
 /// the image.
 fn is_sound(frame: &RgbdFrame, pixel: usize, max_depth_m: f64) -> bool {
     let depth = f64::from(frame.depth_m[pixel]);
-    if depth <= 0.0 || depth > max_depth_m {
+    if !(depth > 0.0 && depth <= max_depth_m) {
         return false;
     }
     let jump = 0.03 + 0.015 * depth * depth;

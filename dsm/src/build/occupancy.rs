@@ -24,8 +24,8 @@ const LOWEST: i8 = -4;
 const HIGHEST: i8 = 10;
 /// Points of a frame in one band of a column that count as a hit.
 const HIT_POINTS: u8 = 2;
-/// Every n-th column and row of the image is a point.
-const POINT_STRIDE: usize = 4;
+/// Columns of points across the image, whatever its width.
+const POINTS_ACROSS: usize = 160;
 /// Every n-th column and row of the points is a ray.
 const RAY_STRIDE: usize = 2;
 /// A ray stops freeing this far before its end, metres.
@@ -157,10 +157,11 @@ fn look(config: &BuildConfig, frame: &RgbdFrame, carrier: &Carrier, known: &Free
     let mut looks: CellGrid<Look> = CellGrid::covering(low, [high[0] + 1, high[1] + 1]);
     let rotation = frame.world_from_camera.rotation.to_rotation_matrix();
     let (width, height) = (frame.model.width as usize, frame.model.height as usize);
-    for row in (0..height).step_by(POINT_STRIDE) {
-        for column in (0..width).step_by(POINT_STRIDE) {
+    let stride = (width / POINTS_ACROSS).max(1);
+    for row in (0..height).step_by(stride) {
+        for column in (0..width).step_by(stride) {
             let depth = f64::from(frame.depth_m[row * width + column]);
-            if depth <= 0.0 {
+            if depth.is_nan() || depth <= 0.0 {
                 continue;
             }
             let in_range = depth <= config.max_floor_depth_m;
@@ -172,8 +173,7 @@ fn look(config: &BuildConfig, frame: &RgbdFrame, carrier: &Carrier, known: &Free
             if in_range {
                 mark_hit(config, &mut looks, known, &point, depth);
             }
-            let is_ray =
-                (row / POINT_STRIDE).is_multiple_of(RAY_STRIDE) && (column / POINT_STRIDE).is_multiple_of(RAY_STRIDE);
+            let is_ray = (row / stride).is_multiple_of(RAY_STRIDE) && (column / stride).is_multiple_of(RAY_STRIDE);
             if is_ray {
                 mark_crossed(config, &mut looks, known, &eye, &point);
             }

@@ -53,6 +53,7 @@ impl View {
             let r = (r0 + (row * stride + stride / 2) as isize).min(r1 - 1);
             for column in 0..columns {
                 let c = (c0 + (column * stride + stride / 2) as isize).min(c1 - 1);
+                // `max` also turns a NaN into "no return".
                 let depth = frame.depth_m[(r * width + c) as usize].max(0.0);
                 cells.push(if mask.contains(c, r) { depth } else { -depth });
             }

@@ -1,0 +1,180 @@
+//! Contract of map construction: one object per thing, in its place, with its relations, gone when it is gone; free space
+//! and rooms as they are; the same bytes for the same input.
+
+mod world;
+
+use dsm::geometry::Aabb;
+use dsm::map::{AttributeKind, CellState, RelationKind};
+use nalgebra::Point2;
+use world::{Noise, Session, World};
+
+const RED: [u8; 3] = [200, 40, 40];
+const WOOD: [u8; 3] = [160, 110, 70];
+
+fn box_iou(found: &dsm::map::MapObject, truth: &Aabb) -> f64 {
+    found.bounds.iou(&(*truth).into())
+}
+
+fn table_with_mugs() -> World {
+    World::default()
+        .with_room([-3.0, -3.0], [3.0, 3.0])
+        .with("dining table", [0.0, 0.0, 0.375], [1.2, 0.8, 0.75], WOOD)
+        .with("mug", [-0.06, -0.2, 0.80], [0.08, 0.08, 0.10], RED)
+        .with("mug", [0.06, -0.2, 0.80], [0.08, 0.08, 0.10], RED)
+}
+
+#[test]
+fn two_equal_mugs_side_by_side_stay_two_and_stand_on_the_table() {
+    for noise in [Noise::default(), Noise { position_m: 0.03, depth: true, seed: 7 }] {
+        let world = table_with_mugs();
+        let mut session = Session::new(noise);
+        session.circle(&world, [0.0, 0.0, 0.7], 1.7, 1.25, 24);
+        let mugs: Vec<_> = session.named("mug").iter().map(|m| m.id).collect();
+        let tables: Vec<_> = session.named("dining table").iter().map(|t| t.id).collect();
+        assert_eq!((mugs.len(), tables.len()), (2, 1), "{noise:?}");
+        let has = |from, kind, to| session.map.relations.iter().any(|r| r.from == from && r.kind == kind && r.to == to);
+        for mug in &mugs {
+            assert!(has(*mug, RelationKind::On, tables[0]), "{noise:?}: {:?}", session.map.relations);
+            assert!(has(tables[0], RelationKind::Under, *mug));
+        }
+        assert!(has(mugs[0], RelationKind::NextTo, mugs[1]) && has(mugs[1], RelationKind::NextTo, mugs[0]));
+        let red = session.named("mug")[0].attributes.find(AttributeKind::Appearance, "color").map(str::to_owned);
+        assert_eq!(red.as_deref(), Some("red"));
+    }
+}
+
+#[test]
+fn a_thing_seen_from_all_sides_is_one_object_with_a_tight_box() {
+    for (noise, least) in [(Noise::default(), 0.8), (Noise { position_m: 0.02, depth: true, seed: 3 }, 0.7)] {
+        let world = World::default().with_room([-3.0, -3.0], [3.0, 3.0]).with(
+            "cabinet",
+            [0.2, -0.1, 0.45],
+            [0.8, 0.5, 0.9],
+            WOOD,
+        );
+        let mut session = Session::new(noise);
+        session.circle(&world, [0.2, -0.1, 0.5], 2.0, 1.25, 24);
+        assert_eq!(session.map.objects.len(), 1);
+        let iou = box_iou(session.named("cabinet")[0], &world.blocks[4].bounds);
+        assert!(iou > least, "{noise:?}: {iou} {:?}", session.named("cabinet")[0].bounds);
+    }
+}
+
+#[test]
+fn a_removed_thing_leaves_the_map_and_a_hidden_one_stays() {
+    let mut world = table_with_mugs();
+    let mut session = Session::new(Noise { position_m: 0.01, depth: true, seed: 5 });
+    let (eye, target) = ([1.6, -1.0, 1.25], [0.0, -0.1, 0.7]);
+    (0..8).for_each(|_| session.see(&world, eye, target));
+    assert_eq!(session.named("mug").len(), 2);
+    // Something steps between camera and table.
+    let clear = world.clone();
+    world = world.with_wall([1.0, -0.65, 0.6], [0.1, 1.6, 1.2]);
+    (0..10).for_each(|_| session.see(&world, eye, target));
+    assert_eq!(session.named("mug").len(), 2, "hidden is not absent");
+    // One mug is taken away.
+    world = clear;
+    world.blocks.retain(|b| b.name != Some("mug") || b.bounds.center().x < 0.0);
+    (0..10).for_each(|_| session.see(&world, eye, target));
+    assert_eq!(session.named("mug").len(), 1, "gone within 2 s");
+    assert!(session.named("mug")[0].bounds.center.x < 0.0);
+}
+
+#[test]
+fn looking_over_a_table_does_not_free_it() {
+    let world = table_with_mugs();
+    let mut session = Session::new(Noise { position_m: 0.01, depth: true, seed: 1 });
+    session.circle(&world, [0.0, 0.0, 0.4], 2.0, 1.25, 30);
+    let free = &session.map.free_space;
+    assert_eq!(free.state_at(&Point2::new(0.3, 0.1)), CellState::Occupied);
+    assert_eq!(free.state_at(&Point2::new(1.2, 0.0)), CellState::Free);
+    assert_eq!(free.state_at(&Point2::new(8.0, 0.0)), CellState::Unknown);
+    let occupied = free.known_cells().filter(|(cell, state)| {
+        let p = free.center_of(*cell);
+        *state == CellState::Occupied && p.x.abs() < 2.8 && p.y.abs() < 2.8 && (p.x.abs() > 0.7 || p.y.abs() > 0.5)
+    });
+    assert!(occupied.count() <= 3, "free floor is not occupied");
+}
+
+fn two_rooms() -> World {
+    World::default()
+        .with_room([0.0, 0.0], [8.0, 4.0])
+        .with_wall([4.0, 0.775, 1.25], [0.1, 1.55, 2.5])
+        .with_wall([4.0, 3.225, 1.25], [0.1, 1.55, 2.5])
+        .with("bed", [1.2, 3.2, 0.25], [2.0, 1.5, 0.5], [60, 80, 190])
+        .with("stove", [7.5, 0.5, 0.45], [0.6, 0.6, 0.9], [220, 220, 220])
+        .with("fridge", [7.6, 3.5, 0.9], [0.65, 0.65, 1.8], [235, 235, 235])
+}
+
+#[test]
+fn rooms_joined_by_a_door_are_two_and_named_by_what_they_hold() {
+    let world = two_rooms();
+    let mut session = Session::new(Noise { position_m: 0.01, depth: true, seed: 2 });
+    for center in [2.0, 3.4, 4.0, 4.6, 6.0] {
+        for i in 0..16 {
+            let angle = std::f64::consts::TAU * f64::from(i) / 16.0;
+            session.see(&world, [center, 2.0, 1.25], [center + angle.cos(), 2.0 + angle.sin(), 0.95]);
+        }
+    }
+    let mut names: Vec<_> = session.map.rooms.iter().map(|room| room.name.as_str()).collect();
+    names.sort_unstable();
+    assert_eq!(names, ["bedroom", "kitchen"], "{:?}", session.map.rooms);
+    let rooms = &session.map.rooms;
+    assert_eq!(
+        (rooms[0].neighbours.as_slice(), rooms[1].neighbours.as_slice()),
+        ([rooms[1].id].as_slice(), [rooms[0].id].as_slice())
+    );
+    assert!(rooms.iter().all(|room| (12.0..18.0).contains(&room.area_m2)), "{rooms:?}");
+    let bed = session.named("bed")[0];
+    assert_eq!(session.map.find_room(bed.room.unwrap()).unwrap().name, "bedroom");
+}
+
+#[test]
+fn same_input_gives_the_same_bytes() {
+    let run = || {
+        let world = table_with_mugs();
+        let mut session = Session::new(Noise { position_m: 0.03, depth: true, seed: 11 });
+        session.circle(&world, [0.0, 0.0, 0.7], 1.8, 1.25, 10);
+        postcard::to_stdvec(&session.map).unwrap()
+    };
+    let first = run();
+    let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(run);
+    assert!(first == single, "thread count must not matter");
+}
+
+#[test]
+fn a_loaded_map_is_taken_up_instead_of_doubled() {
+    let world = table_with_mugs();
+    let mut session = Session::new(Noise { position_m: 0.01, depth: true, seed: 4 });
+    session.circle(&world, [0.0, 0.0, 0.7], 1.7, 1.25, 12);
+    let mut again = Session::new(session.noise);
+    again.map = session.map.clone();
+    again.frames = session.frames;
+    again.circle(&world, [0.0, 0.0, 0.7], 1.7, 1.25, 12);
+    assert_eq!(again.named("mug").len(), 2);
+    assert_eq!(again.named("dining table").len(), 1);
+}
+
+#[test]
+fn hostile_frames_change_nothing_and_do_not_panic() {
+    let mut session = Session::new(Noise::default());
+    let (mut frame, mut detections) = table_with_mugs().render(
+        world::camera_model(),
+        0,
+        0.0,
+        world::look_at([1.7, 0.0, 1.2], [0.0, 0.0, 0.7]),
+        Noise::default(),
+    );
+    frame.depth_m.iter_mut().step_by(3).for_each(|d| *d = f32::NAN);
+    for detection in &mut detections.items {
+        detection.mask.runs.push(dsm::perceive::Run { start: u32::MAX - 9, length: 5 });
+    }
+    let carrier = dsm::build::Carrier::default();
+    let update = session.builder.observe(&session.map, &frame, &detections, &carrier);
+    session.map.apply(update);
+    assert!(
+        session.map.objects.values().all(|o| o.points.iter().all(|p| p.position.coords.iter().all(|c| c.is_finite())))
+    );
+    frame.depth_m.pop();
+    assert!(session.builder.observe(&session.map, &frame, &detections, &carrier).changes.is_empty());
+}
