@@ -24,6 +24,74 @@ struct CameraLight {
     color: [f32; 3],
 }
 
+impl CameraLight {
+    /// Share of the light that each pixel scatters (Lambert) and mirrors (Schlick's rational form of Blinn's power).
+    fn fall_on(
+        &self,
+        piece: &Piece,
+        view: &[Lane; 3],
+        columns: &Lane,
+        row: f32,
+        diffuse: &mut Lane,
+        highlight: &mut Lane,
+    ) {
+        let [nx, ny, nz] = &piece.normal;
+        let [vx, vy, vz] = view;
+        for i in 0..PIECE {
+            let depth = piece.z[i] * self.from_surface;
+            let (x, y, z) = (self.vector[0] - columns[i] * depth, self.vector[1] - row * depth, self.vector[2] - depth);
+            let squared = x * x + y * y + z * z + 1e-12;
+            let inverse = 1.0 / squared.sqrt();
+            let fading = 1.0 / (1.0 + squared * self.falloff);
+            let (x, y, z) = (x * inverse, y * inverse, z * inverse);
+            let cos = nx[i] * x + ny[i] * y + nz[i] * z;
+            let cos = if cos > 0.0 { cos } else { 0.0 };
+            // A surface that turns away from the light has no highlight.
+            let lit = if cos > 0.0 { fading } else { 0.0 };
+            let (hx, hy, hz) = (x + vx[i], y + vy[i], z + vz[i]);
+            let half = nx[i] * hx + ny[i] * hy + nz[i] * hz;
+            let half = if half > 0.0 { half } else { 0.0 };
+            let half = half / (hx * hx + hy * hy + hz * hz + 1e-12).sqrt();
+            diffuse[i] = cos * fading;
+            highlight[i] = lit * piece.specular[i] * half / (piece.shininess[i] * (1.0 - half) + half + 1e-12);
+        }
+    }
+}
+
+fn normalize(normal: &mut [Lane; 3]) {
+    let [x, y, z] = normal;
+    for i in 0..PIECE {
+        let inverse = 1.0 / (x[i] * x[i] + y[i] * y[i] + z[i] * z[i] + 1e-20).sqrt();
+        x[i] *= inverse;
+        y[i] *= inverse;
+        z[i] *= inverse;
+    }
+}
+
+/// Unit vectors from the surfaces towards the camera.
+fn look_back(columns: &Lane, row: f32, view: &mut [Lane; 3]) {
+    let [x, y, z] = view;
+    for i in 0..PIECE {
+        let inverse = -1.0 / (columns[i] * columns[i] + row * row + 1.0).sqrt();
+        x[i] = columns[i] * inverse;
+        y[i] = row * inverse;
+        z[i] = inverse;
+    }
+}
+
+fn dot(vectors: &[Lane; 3], other: &[f32; 3], product: &mut Lane) {
+    let [x, y, z] = vectors;
+    for i in 0..PIECE {
+        product[i] = x[i] * other[0] + y[i] * other[1] + z[i] * other[2];
+    }
+}
+
+fn add_scaled(sum: &mut Lane, values: &Lane, factor: f32) {
+    for i in 0..PIECE {
+        sum[i] += values[i] * factor;
+    }
+}
+
 /// A material ready for shading.
 struct Look<'a> {
     color: [f32; 3],
@@ -108,7 +176,7 @@ impl<'a> Shader<'a> {
                 let pixels = line + first..line + (first + PIECE).min(width);
                 let numbers = &band.numbers[pixels.clone()];
                 let inverse_z = &band.inverse_z[pixels.clone()];
-                let columns: &[f32; PIECE] = match self.columns[first..].first_chunk() {
+                let columns: &Lane = match self.columns[first..].first_chunk() {
                     Some(columns) => columns,
                     None => continue,
                 };
@@ -118,7 +186,7 @@ impl<'a> Shader<'a> {
                 }
                 let color = &mut color[pixels];
                 if lit {
-                    let light = self.light(&piece, columns, self.rows[row as usize]);
+                    let light = self.light(&mut piece, columns, self.rows[row as usize]);
                     for (i, pixel) in color.iter_mut().enumerate() {
                         *pixel = [
                             self.srgb.encode(light[0][i]),
@@ -190,8 +258,8 @@ impl<'a> Shader<'a> {
             let (step, z) = (step as f32, piece.z[i]);
             let s = ((second + step * triangle.second.per_column) * z).clamp(0.0, 1.0);
             let t = ((third + step * triangle.third.per_column) * z).clamp(0.0, 1.0);
-            for axis in 0..3 {
-                piece.normal[axis][i] = normal_a[axis] + s * edge_b[axis] + t * edge_c[axis];
+            for (axis, lane) in piece.normal.iter_mut().enumerate() {
+                lane[i] = normal_a[axis] + s * edge_b[axis] + t * edge_c[axis];
             }
             let mut albedo = look.color;
             if let Some((texture, level)) = texture {
@@ -200,8 +268,8 @@ impl<'a> Shader<'a> {
                 let texel = texture.sample(level, u, v);
                 albedo = std::array::from_fn(|channel| albedo[channel] * texel[channel]);
             }
-            for channel in 0..3 {
-                piece.albedo[channel][i] = albedo[channel];
+            for (lane, value) in piece.albedo.iter_mut().zip(albedo) {
+                lane[i] = value;
             }
         }
         piece.specular[run.clone()].fill(look.specular);
@@ -209,54 +277,34 @@ impl<'a> Shader<'a> {
         piece.emission[run].fill(look.emission);
     }
 
-    /// Linear light of each pixel: ambient, Lambert, and highlights by Schlick's rational form of Blinn's power.
-    fn light(&self, piece: &Piece, columns: &[f32; PIECE], row: f32) -> [Lane; 3] {
-        let mut n = piece.normal;
-        // Towards the camera, unit length.
+    /// Linear light of each pixel. The loops hold no branches and only lanes, so that the compiler vectorises them.
+    fn light(&self, piece: &mut Piece, columns: &Lane, row: f32) -> [Lane; 3] {
         let mut view = [[0.0; PIECE]; 3];
-        let mut diffuse = [[0.0; PIECE]; 3];
+        let mut facing_up = [0.0; PIECE];
+        normalize(&mut piece.normal);
+        look_back(columns, row, &mut view);
+        dot(&piece.normal, &self.up, &mut facing_up);
+        let mut sum = [[0.0; PIECE]; 3];
         let mut shine = [[0.0; PIECE]; 3];
-        for i in 0..PIECE {
-            let length = (n[0][i] * n[0][i] + n[1][i] * n[1][i] + n[2][i] * n[2][i] + 1e-20).sqrt();
-            let inverse = 1.0 / length;
-            (n[0][i], n[1][i], n[2][i]) = (n[0][i] * inverse, n[1][i] * inverse, n[2][i] * inverse);
-            let inverse = -1.0 / (columns[i] * columns[i] + row * row + 1.0).sqrt();
-            (view[0][i], view[1][i], view[2][i]) = (columns[i] * inverse, row * inverse, inverse);
-            let facing_up = n[0][i] * self.up[0] + n[1][i] * self.up[1] + n[2][i] * self.up[2];
-            let ambient = 0.75 + 0.25 * facing_up;
-            for channel in 0..3 {
-                diffuse[channel][i] = self.ambient[channel] * ambient + piece.emission[i];
+        for (sum, ambient) in sum.iter_mut().zip(self.ambient) {
+            for i in 0..PIECE {
+                sum[i] = ambient * (0.75 + 0.25 * facing_up[i]) + piece.emission[i];
             }
         }
+        let (mut diffuse, mut highlight) = ([0.0; PIECE], [0.0; PIECE]);
         for light in &self.lights {
-            for i in 0..PIECE {
-                let z = piece.z[i] * light.from_surface;
-                let (x, y, z) = (light.vector[0] - columns[i] * z, light.vector[1] - row * z, light.vector[2] - z);
-                let squared = x * x + y * y + z * z + 1e-12;
-                let inverse = 1.0 / squared.sqrt();
-                let (x, y, z) = (x * inverse, y * inverse, z * inverse);
-                let cos = n[0][i] * x + n[1][i] * y + n[2][i] * z;
-                let cos = if cos > 0.0 { cos } else { 0.0 };
-                let strength = cos / (1.0 + squared * light.falloff);
-                let (hx, hy, hz) = (x + view[0][i], y + view[1][i], z + view[2][i]);
-                let half = n[0][i] * hx + n[1][i] * hy + n[2][i] * hz;
-                let half = half / (hx * hx + hy * hy + hz * hz + 1e-12).sqrt();
-                let half = if half > 0.0 { half } else { 0.0 };
-                let power = half / (piece.shininess[i] * (1.0 - half) + half + 1e-12);
-                // A surface that turns away from the light has no highlight.
-                let power = if cos > 0.0 { power * piece.specular[i] / (1.0 + squared * light.falloff) } else { 0.0 };
-                for channel in 0..3 {
-                    diffuse[channel][i] += strength * light.color[channel];
-                    shine[channel][i] += power * light.color[channel];
-                }
+            light.fall_on(piece, &view, columns, row, &mut diffuse, &mut highlight);
+            for ((sum, shine), color) in sum.iter_mut().zip(&mut shine).zip(light.color) {
+                add_scaled(sum, &diffuse, color);
+                add_scaled(shine, &highlight, color);
             }
         }
-        for channel in 0..3 {
+        for ((sum, shine), albedo) in sum.iter_mut().zip(&shine).zip(&piece.albedo) {
             for i in 0..PIECE {
-                diffuse[channel][i] = diffuse[channel][i] * piece.albedo[channel][i] + shine[channel][i];
+                sum[i] = sum[i] * albedo[i] + shine[i];
             }
         }
-        diffuse
+        sum
     }
 
     /// Points keep the colour they were measured with; where nothing is seen there is the background.
