@@ -165,7 +165,8 @@ impl Agent {
             }
         }
         // Learn.
-        while let Some(learned) = self.perception.find_learned(self.now())? {
+        let now = self.now();
+        while let Some(learned) = self.perception.find_learned(now)? {
             self.journal.note_learned(&learned);
             self.map = learned.map;
         }
@@ -214,7 +215,7 @@ impl Agent {
     }
 
     /// Starts `plan`; the caller goes on ticking and asks for the result.
-    pub fn plan_beside<T: Send + 'static>(&self, plan: impl FnOnce() -> T + Send + 'static) -> Deferred<T> {
+    pub fn plan_beside<T: Send + 'static>(&mut self, plan: impl FnOnce() -> T + Send + 'static) -> Deferred<T> {
         Deferred::start(self.now() + self.config.planning_latency, plan)
     }
 

@@ -124,5 +124,6 @@ pub fn knowledge() -> Result<Arc<Knowledge>, TaskError> {
 
 /// The embedded grounder.
 pub fn grounder() -> Result<Arc<Grounder>, TaskError> {
-    Ok(Arc::new(Grounder::new(GroundConfig::default(), knowledge()?)))
+    let grounder = Grounder::new(GroundConfig::default(), knowledge()?);
+    grounder.map(Arc::new).map_err(|e| TaskError::Internal(e.to_string()))
 }

@@ -80,7 +80,7 @@ impl<'a> Drive<'a> {
             match output.status {
                 FollowStatus::Following { .. } => {}
                 FollowStatus::Arrived => return Ok(DriveOutcome::Arrived),
-                FollowStatus::Blocked(reason) => {
+                FollowStatus::Blocked { reason } => {
                     trouble += 1;
                     if trouble >= MAX_TROUBLE {
                         return Ok(DriveOutcome::Blocked(format!("{reason:?}")));
