@@ -20,25 +20,43 @@ const CONTROL_S: f64 = 0.01;
 
 fn main() {
     println!(
-        "{:>7} {:>5} | {:>8} {:>8} {:>6} | {:<9} {:>6} {:>6} {:>7} {:>7} {:>6} | {:>7} {:>7} {:>7}",
-        "dt ms", "iter", "us/rest", "us/grasp", "x real", "object", "held", "slip", "creep/s", "depth", "tool", "v err",
-        "w err", "side"
+        "{:>5} {:>7} | {:>8} {:>8} {:>6} | {:<9} {:>6} {:>6} {:>7} {:>7} {:>6} | {:>7} {:>7} {:>7}",
+        "dt ms",
+        "it x sw",
+        "us/rest",
+        "us/grasp",
+        "x real",
+        "object",
+        "held",
+        "slip",
+        "creep/s",
+        "depth",
+        "tool",
+        "v err",
+        "w err",
+        "side"
     );
     println!(
-        "{:>7} {:>5} | {:>8} {:>8} {:>6} | {:<9} {:>6} {:>6} {:>7} {:>7} {:>6} | {:>7} {:>7} {:>7}",
+        "{:>5} {:>7} | {:>8} {:>8} {:>6} | {:<9} {:>6} {:>6} {:>7} {:>7} {:>6} | {:>7} {:>7} {:>7}",
         "", "", "", "", "", "", "", "mm", "mm/s", "mm", "mm", "mm/s", "mrad/s", "mm"
     );
-    for (step_ns, iterations) in
-        [(2_000_000, 4), (2_500_000, 4), (5_000_000, 2), (5_000_000, 4), (5_000_000, 8), (5_000_000, 12)]
-    {
-        let config = PhysicsConfig { step: Span(step_ns), solver_iterations: iterations };
+    for (step_ns, iterations, sweeps) in [
+        (2_000_000, 4, 1),
+        (2_500_000, 4, 1),
+        (5_000_000, 2, 1),
+        (5_000_000, 4, 1),
+        (5_000_000, 4, 2),
+        (5_000_000, 8, 1),
+        (5_000_000, 12, 1),
+    ] {
+        let config = PhysicsConfig { step: Span(step_ns), solver_iterations: iterations, sweeps };
         let base = measure_base(config);
         for object in OBJECTS {
             let (rest_us, grasp) = measure_grasp(config, &object);
             println!(
-                "{:>7.2} {:>5} | {:>8.0} {:>8.0} {:>6.1} | {:<9} {:>6} {:>6.1} {:>7.2} {:>7.2} {:>6.1} | {:>7.1} {:>7.1} {:>7.1}",
+                "{:>5.1} {:>7} | {:>8.0} {:>8.0} {:>6.1} | {:<9} {:>6} {:>6.1} {:>7.2} {:>7.2} {:>6.1} | {:>7.1} {:>7.1} {:>7.1}",
                 step_ns as f64 * 1e-6,
-                iterations,
+                format!("{iterations}x{sweeps}"),
                 rest_us,
                 grasp.step_us,
                 step_ns as f64 * 1e-3 / grasp.step_us,
@@ -105,13 +123,7 @@ fn world(object: &Object) -> (SceneModel, usize) {
     let mut scene = floor();
     let top = TOOL_Z_M - 0.5 * object.height_m;
     add_table(&mut scene, 0.71, 0.0, 1.2, top);
-    let target = add_free(
-        &mut scene,
-        [TOOL_X_M, 0.0, TOOL_Z_M],
-        object.mass_kg,
-        object.shape.clone(),
-        object.friction,
-    );
+    let target = add_free(&mut scene, [TOOL_X_M, 0.0, TOOL_Z_M], object.mass_kg, object.shape.clone(), object.friction);
     for side in [-1.0, 1.0] {
         for table in 0..2 {
             let y = side * (1.8 + 1.3 * f64::from(table));
@@ -206,7 +218,8 @@ fn measure_grasp(config: PhysicsConfig, object: &Object) -> (f64, Grasp) {
     rig.run(1.0, |_| {});
     let rest_us = rig.step_us();
     let tool = rig.physics.find_link("tool_frame").expect("a tool");
-    let tool_from_object = |physics: &RapierPhysics| physics.world_from_link(tool).inv_mul(&physics.world_from_body(target));
+    let tool_from_object =
+        |physics: &RapierPhysics| physics.world_from_link(tool).inv_mul(&physics.world_from_body(target));
 
     let lift = |z: f64| vec![("lift_joint".to_owned(), z)];
     rig.move_to(&lift(GRASP_LIFT_M), 2.5);

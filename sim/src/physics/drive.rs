@@ -1,8 +1,8 @@
 //! The motors: joint targets, gravity feed-forward, base velocity.
 
+use super::JointTarget;
 use super::convert::{from_pose, from_vector};
 use super::robot_body::{BaseDrive, BuiltRobot, JointPlace};
-use super::JointTarget;
 use dsm_robot::drivers::Twist;
 use nalgebra::Vector3;
 use rapier3d::prelude::*;
@@ -31,9 +31,10 @@ fn gains(joint: &JointPlace, finger: bool) -> Gains {
     Gains { stiffness, damping: 0.07 * stiffness, lead: 2.0 * full_effort_at }
 }
 
-/// Velocity gains of the base: N s/m and N m s/rad.
-const BASE_DAMPING: f64 = 6000.0;
-const BASE_TURN_DAMPING: f64 = 1500.0;
+/// The wheels' velocity control integrates, so that a standing base does not creep under a steady push: full force at
+/// this error along each axis, and the moving reference runs no further ahead.
+const BASE_HOLD_M: f64 = 0.005;
+const BASE_HOLD_RAD: f64 = 0.005;
 
 struct Motor {
     gains: Gains,
@@ -48,13 +49,21 @@ struct Motor {
 pub(super) struct Drive {
     motors: Vec<Motor>,
     twist: Twist,
+    /// Moving references of x, y and yaw.
+    base_reference: [f64; 3],
     limits: BaseDrive,
     finger_max_force_n: f64,
 }
 
 impl Drive {
     /// Motors that hold the given positions, base at rest.
-    pub(super) fn new(robot: &BuiltRobot, limits: BaseDrive, finger_max_force_n: f64, positions: &[f64]) -> Self {
+    pub(super) fn new(
+        robot: &BuiltRobot,
+        limits: BaseDrive,
+        finger_max_force_n: f64,
+        base: [f64; 3],
+        positions: &[f64],
+    ) -> Self {
         let motors = robot.joints.iter().zip(positions).enumerate().map(|(index, (joint, position))| {
             let is_finger = robot.finger_joints.contains(&index);
             Motor {
@@ -65,7 +74,7 @@ impl Drive {
                 is_finger,
             }
         });
-        Self { motors: motors.collect(), twist: Twist::default(), limits, finger_max_force_n }
+        Self { motors: motors.collect(), twist: Twist::default(), base_reference: base, limits, finger_max_force_n }
     }
 
     pub(super) fn command_base(&mut self, twist: Twist) {
@@ -86,7 +95,7 @@ impl Drive {
 
     /// Sets the engine's motors for the next step of `dt_s`.
     pub(super) fn before_step(&mut self, robot: &BuiltRobot, world: &mut PhysicsWorld, dt_s: f64) {
-        self.drive_base(robot, world);
+        self.drive_base(robot, world, dt_s);
         for (index, place) in robot.joints.iter().enumerate() {
             let holding = holding_effort(robot, place, world);
             let position = coordinate(world, place);
@@ -94,21 +103,25 @@ impl Drive {
         }
     }
 
-    fn drive_base(&self, robot: &BuiltRobot, world: &mut PhysicsWorld) {
+    fn drive_base(&mut self, robot: &BuiltRobot, world: &mut PhysicsWorld, dt_s: f64) {
         let Some((multibody, link)) = world.multibody_joints.get_mut(robot.base_joint) else { return };
         let Some(link) = multibody.link_mut(link) else { return };
-        let yaw = f64::from(link.joint.coords()[5]);
-        let (sin, cos) = yaw.sin_cos();
+        let coords = link.joint.coords();
+        let (sin, cos) = f64::from(coords[5]).sin_cos();
+        let forward = self.twist.forward_m_per_s;
         let limits = &self.limits;
         let axes = [
-            (JointAxis::LinX, self.twist.forward_m_per_s * cos, BASE_DAMPING, limits.max_force_n),
-            (JointAxis::LinY, self.twist.forward_m_per_s * sin, BASE_DAMPING, limits.max_force_n),
-            (JointAxis::AngZ, self.twist.turn_rad_per_s, BASE_TURN_DAMPING, limits.max_torque_nm),
+            (JointAxis::LinX, forward * cos, BASE_HOLD_M, limits.max_force_n),
+            (JointAxis::LinY, forward * sin, BASE_HOLD_M, limits.max_force_n),
+            (JointAxis::AngZ, self.twist.turn_rad_per_s, BASE_HOLD_RAD, limits.max_torque_nm),
         ];
-        for (axis, velocity, damping, max) in axes {
+        for ((axis, velocity, hold, max), reference) in axes.into_iter().zip(&mut self.base_reference) {
+            let position = f64::from(coords[axis as usize]);
+            *reference = (*reference + velocity * dt_s).clamp(position - hold, position + hold);
+            let stiffness = max / hold;
             let joint = &mut link.joint.data;
             joint.set_motor_model(axis, MotorModel::ForceBased);
-            joint.set_motor_velocity(axis, velocity as f32, damping as f32);
+            joint.set_motor(axis, *reference as f32, velocity as f32, stiffness as f32, (0.15 * stiffness) as f32);
             joint.set_motor_max_force(axis, max as f32);
         }
     }

@@ -1,8 +1,8 @@
 //! The robot as one articulated body: what physics must know of it, and how it is put together.
 
+use super::PhysicsError;
 use super::convert::{from_urdf_origin, to_pose, to_vector};
 use super::shapes::urdf_shape;
-use super::PhysicsError;
 use dsm::Pose;
 use dsm_robot::joints::JointNames;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};

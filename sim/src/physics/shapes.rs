@@ -1,7 +1,7 @@
 //! Collision shapes of scene geoms and URDF links.
 
-use super::convert::to_pose;
 use super::PhysicsError;
+use super::convert::to_pose;
 use crate::scene::{BodyMotion, SceneModel, SceneShape};
 use dsm::Pose;
 use nalgebra::UnitQuaternion;
@@ -85,11 +85,7 @@ fn ellipsoid_points(radii: [f32; 3]) -> Vec<Vector> {
         for sector in 0..sectors {
             let around = std::f64::consts::TAU * f64::from(sector) / f64::from(sectors);
             let unit = [polar.sin() * around.cos(), polar.sin() * around.sin(), polar.cos()];
-            points.push(Vector::new(
-                radii[0] * unit[0] as f32,
-                radii[1] * unit[1] as f32,
-                radii[2] * unit[2] as f32,
-            ));
+            points.push(Vector::new(radii[0] * unit[0] as f32, radii[1] * unit[1] as f32, radii[2] * unit[2] as f32));
         }
     }
     points

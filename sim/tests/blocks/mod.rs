@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use std::path::PathBuf;
 
 /// An empty world with a floor.
-pub fn floor() -> SceneModel {
+pub(crate) fn floor() -> SceneModel {
     let material = SceneMaterial {
         name: "grey".into(),
         rgba: [0.5, 0.5, 0.5, 1.0],
@@ -31,7 +31,7 @@ pub fn floor() -> SceneModel {
 }
 
 /// A body of one geom.
-pub fn body(
+pub(crate) fn body(
     name: &str,
     world_from_body: Pose,
     motion: BodyMotion,
@@ -52,25 +52,25 @@ pub fn body(
 }
 
 /// Adds a body and returns its index.
-pub fn add(scene: &mut SceneModel, body: SceneBody) -> usize {
+pub(crate) fn add(scene: &mut SceneModel, body: SceneBody) -> usize {
     scene.bodies.push(body);
     scene.bodies.len() - 1
 }
 
 /// A box shape by full sizes.
-pub fn cuboid(x: f64, y: f64, z: f64) -> SceneShape {
+pub(crate) fn cuboid(x: f64, y: f64, z: f64) -> SceneShape {
     SceneShape::Box { half_m: Vector3::new(0.5 * x, 0.5 * y, 0.5 * z) }
 }
 
 /// Adds a fixed table: a slab of 0.7 m by `width` whose top is at `top_m`, on the given centre.
-pub fn add_table(scene: &mut SceneModel, x: f64, y: f64, width: f64, top_m: f64) -> usize {
+pub(crate) fn add_table(scene: &mut SceneModel, x: f64, y: f64, width: f64, top_m: f64) -> usize {
     let name = format!("table_{}", scene.bodies.len());
     let pose = Pose::translation(x, y, top_m - 0.02);
     add(scene, body(&name, pose, BodyMotion::Fixed, 0.0, cuboid(0.7, width, 0.04), 0.5))
 }
 
 /// Adds a free body.
-pub fn add_free(scene: &mut SceneModel, at: [f64; 3], mass_kg: f64, shape: SceneShape, friction: f64) -> usize {
+pub(crate) fn add_free(scene: &mut SceneModel, at: [f64; 3], mass_kg: f64, shape: SceneShape, friction: f64) -> usize {
     let name = format!("free_{}", scene.bodies.len());
     add(scene, body(&name, Pose::translation(at[0], at[1], at[2]), BodyMotion::Free, mass_kg, shape, friction))
 }
@@ -85,7 +85,7 @@ fn porter_toml() -> toml::Table {
 }
 
 /// The robot porter as physics sees it.
-pub fn porter() -> RobotBody {
+pub(crate) fn porter() -> RobotBody {
     let table = porter_toml();
     let number = |section: &str, key: &str| table[section][key].as_float().expect("a number");
     let pair = |section: &str, key: &str| {
@@ -108,22 +108,19 @@ pub fn porter() -> RobotBody {
             friction: number("gripper", "finger_friction"),
             max_force_n: number("gripper", "max_force_n"),
         },
-        ignored_pairs: ignored
-            .iter()
-            .map(|p| [0, 1].map(|i| p[i].as_str().expect("a name").to_owned()))
-            .collect(),
+        ignored_pairs: ignored.iter().map(|p| [0, 1].map(|i| p[i].as_str().expect("a name").to_owned())).collect(),
     }
 }
 
 /// Joint values of a posture of porter.
-pub fn posture(name: &str) -> Vec<(String, f64)> {
+pub(crate) fn posture(name: &str) -> Vec<(String, f64)> {
     let table = porter_toml();
     let values = table["postures"][name].as_table().expect("a posture");
     values.iter().map(|(joint, value)| (joint.clone(), value.as_float().expect("a number"))).collect()
 }
 
 /// Porter at the origin in a posture, with the lift at `lift_m` and the gripper open.
-pub fn start(posture_name: &str, lift_m: f64) -> RobotStart {
+pub(crate) fn start(posture_name: &str, lift_m: f64) -> RobotStart {
     let mut joints = posture(posture_name);
     joints.retain(|(n, _)| n != "lift_joint" && !n.starts_with("gripper"));
     joints.push(("lift_joint".into(), lift_m));
