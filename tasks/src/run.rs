@@ -45,6 +45,8 @@ pub struct RunSpec {
     pub seed: u64,
     /// Simulated time limit, seconds.
     pub time_limit_s: f64,
+    /// Gives the simulator's label ids another meaning in every frame: nothing may change. Default false.
+    pub permute_labels: bool,
 }
 
 /// A finished run.

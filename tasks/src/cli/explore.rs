@@ -38,6 +38,7 @@ pub fn run(args: ExploreArgs) -> anyhow::Result<u8> {
         perception: settings.perception.value,
         seed: settings.seed.value,
         time_limit_s: settings.time_limit_s.value,
+        permute_labels: false,
     };
     crate::assemble::check(&spec)?;
     let folder = prepare_folder(&args.out, &default_folder(&spec))?;

@@ -13,7 +13,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 pub use output::Output;
-pub use run::Timing;
+pub use run::{Timing, prepare};
 
 /// Simulation-in-the-loop robot tasks on a Diverse Semantic Map.
 #[derive(Debug, Parser)]

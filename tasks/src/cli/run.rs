@@ -68,6 +68,7 @@ pub fn prepare(file: &Path, world: &WorldArgs) -> Result<(RunSpec, Settings), Ta
         perception: settings.perception.value.clone(),
         seed: settings.seed.value,
         time_limit_s: settings.time_limit_s.value,
+        permute_labels: false,
         episode,
     };
     Ok((spec, settings))
