@@ -6,6 +6,7 @@ pub mod drive;
 pub mod explore;
 pub mod grasp;
 pub mod navigate;
+pub mod obstacles;
 pub mod search;
 
 use crate::summary::Stage;
