@@ -19,7 +19,7 @@ const MAX_ANCHORS: usize = 48;
 /// Anchors tried on each side of "between".
 const MAX_BETWEEN: usize = 16;
 /// Candidates that score below this share of the best take no part in comparisons ("closest", "largest").
-const COMPARED_SHARE: f32 = 0.4;
+const COMPARED_SHARE: f32 = 0.6;
 
 /// One constraint of the query and how well each object meets it.
 pub(super) struct Factor {
@@ -216,27 +216,43 @@ fn finish(config: &GroundConfig, term: &RelationTerm, scores: Vec<f32>) -> Vec<f
 
 /// "closest to", "farthest from": the order of the candidates by their distance to the likeliest anchor.
 fn push_comparison(context: Context<'_, '_>, term: &RelationTerm, result: &mut Evaluation) {
-    let scene = context.scene;
-    let count = scene.items.len();
+    let count = context.scene.items.len();
     let label = relation_label(term);
-    let anchors = ranked_anchors(context, &term.anchors[0], result, MAX_BETWEEN);
-    let Some(&(_, best_anchor)) = anchors.first() else {
+    let found: Vec<Option<(f64, Option<usize>)>> = if matches!(term.anchors[0].noun, Noun::Room(_)) {
+        rooms::distances_m(context, &term.anchors[0], &mut result.frame)
+            .into_iter()
+            .map(|d| d.map(|d| (d, None)))
+            .collect()
+    } else {
+        nearest_anchors(context, &term.anchors[0], result)
+    };
+    if found.iter().all(Option::is_none) {
         let missing = missing_anchor_score(context, &term.anchors[0]);
         result.push(format!("{label} (no such anchor in the map)"), vec![missing; count], vec![None; count]);
         return;
-    };
-    let likely: Vec<usize> =
-        anchors.iter().filter(|(_, score)| *score >= 0.9 * best_anchor).map(|(anchor, _)| *anchor).collect();
-    let nearest = |target: usize| {
-        let distance =
-            |&anchor: &usize| relate::box_distance_m(&scene.items[target].bounds, &scene.items[anchor].bounds);
-        let others = likely.iter().filter(|anchor| **anchor != target);
-        others.map(|anchor| (distance(anchor), *anchor)).min_by(|a, b| a.0.total_cmp(&b.0))
-    };
-    let found: Vec<Option<(f64, usize)>> = (0..count).map(nearest).collect();
+    }
     let sign = if term.word == RelationWord::Closest { 1.0 } else { -1.0 };
     let keys: Vec<f64> = found.iter().map(|f| f.map_or(f64::INFINITY, |(distance, _)| sign * distance)).collect();
     let scores = select::rank_scores(&keys, &result.total, 1, COMPARED_SHARE, 0.03);
     let scores = finish(context.config, term, scores);
-    result.push(label, scores, found.iter().map(|f| f.map(|(_, anchor)| anchor)).collect());
+    result.push(label, scores, found.iter().map(|f| f.and_then(|(_, anchor)| anchor)).collect());
+}
+
+/// For each item, the distance in metres to the nearest of the likeliest anchors, and which it is.
+fn nearest_anchors(
+    context: Context<'_, '_>,
+    entity: &Entity,
+    result: &mut Evaluation,
+) -> Vec<Option<(f64, Option<usize>)>> {
+    let items = &context.scene.items;
+    let anchors = ranked_anchors(context, entity, result, MAX_BETWEEN);
+    let best = anchors.first().map_or(0.0, |(_, score)| *score);
+    let likely: Vec<usize> =
+        anchors.iter().filter(|(_, score)| *score >= 0.9 * best).map(|(anchor, _)| *anchor).collect();
+    let nearest = |target: usize| {
+        let distance = |&anchor: &usize| relate::box_distance_m(&items[target].bounds, &items[anchor].bounds);
+        let others = likely.iter().filter(|anchor| **anchor != target);
+        others.map(|anchor| (distance(anchor), Some(*anchor))).min_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    (0..items.len()).map(nearest).collect()
 }

@@ -28,6 +28,7 @@ mod config;
 mod decide;
 mod filter;
 mod grounder;
+mod lexicon;
 mod noun;
 mod parse;
 mod query;
@@ -38,6 +39,9 @@ mod scene;
 mod select;
 mod verify;
 mod words;
+
+#[cfg(test)]
+mod tests;
 
 pub use answer::{Candidate, Grounding, GroundingStatus, ReferenceFrame};
 pub use command::{Action, Command, Unparsed, parse_command};

@@ -196,3 +196,19 @@ pub(super) fn relation_to_room(context: Context<'_, '_>, term: &RelationTerm, fr
     };
     (0..scene.items.len()).map(score).collect()
 }
+
+/// Distance in metres from each object to the likeliest room of an entity, 0 inside it; `None` when no room fits.
+pub(super) fn distances_m(context: Context<'_, '_>, entity: &Entity, frame: &mut ReferenceFrame) -> Vec<Option<f64>> {
+    let rooms = &context.scene.map.rooms;
+    let scores = product(&evaluate(context, entity, frame), rooms.len());
+    let best = (rooms.iter().zip(scores)).filter(|(_, score)| *score >= context.config.violated_below);
+    let best = best.fold(None, |best: Option<(&Room, f32)>, found| match best {
+        Some(best) if best.1 >= found.1 => Some(best),
+        _ => Some(found),
+    });
+    let distance = |(item, (room, _)): (usize, (&Room, f32))| {
+        let place = context.scene.items[item].bounds.center().xy();
+        if polygon_contains(&room.polygon, &place) { 0.0 } else { polygon_distance_m(&room.polygon, &place) }
+    };
+    (0..context.scene.items.len()).map(|item| best.map(|best| distance((item, best)))).collect()
+}
