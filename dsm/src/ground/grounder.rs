@@ -9,12 +9,14 @@ use super::parse::{Attachment, parse_query};
 use super::query::{Noun, Query};
 use super::rooms;
 use super::scene::Scene;
-use super::verify::{EmbeddedVerifier, Verifier};
+use super::verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
+use super::views::CandidateViews;
 use super::words::tokens_of;
 use super::{Article, GroundingStatus};
 use crate::Pose;
 use crate::knowledge::Knowledge;
 use crate::map::Map;
+use crate::raster::Renderer;
 use std::sync::Arc;
 
 /// Grounds referring expressions in a map.
@@ -73,14 +75,8 @@ impl Grounder {
         let evaluation = filter::evaluate(context, &query.target);
         let mut choices = decide::best_choices(&evaluation, self.config.top_k);
         // Stage 3: verification of the top k in views.
-        if self.config.verify {
-            for choice in choices.iter_mut().take(self.config.top_k) {
-                let object = scene.items[choice.index].object;
-                let anchors = choice.anchors.iter().map(|&anchor| scene.items[anchor].object).collect::<Vec<_>>();
-                let verdict = self.verifier.verify(scene.map, &query, object, &anchors);
-                choice.apply_verdict(verdict);
-            }
-            decide::sort(&mut choices);
+        if self.config.verify && self.verifier.wants_views(&query) {
+            self.verify(scene, &query, &mut choices);
         }
         let settled = decide::settle(&choices, query.target.article == Article::Indefinite, &self.config, |choice| {
             let (eye, _) = scene.standpoint();
@@ -88,6 +84,20 @@ impl Grounder {
         });
         let object_of = |choice: &Choice| (Some(scene.items[choice.index].object.id), None);
         decide::grounding(settled, choices, object_of, evaluation.frame, self.verifier.name(), query)
+    }
+
+    fn verify(&self, scene: &Scene<'_>, query: &Query, choices: &mut [Choice]) {
+        let mut renderer = Renderer::default();
+        for choice in choices.iter_mut().take(self.config.top_k) {
+            let candidate = scene.items[choice.index].object;
+            let anchors = choice.anchors.iter().map(|&anchor| scene.items[anchor].object).collect::<Vec<_>>();
+            let verdict = match CandidateViews::render(scene.map, candidate, &anchors, &mut renderer) {
+                Some(views) => self.verifier.verify(Evidence { query, candidate, anchors: &anchors, views: &views }),
+                None => Verdict { factor: 1.0, reason: "in views: the map has no points of it".to_owned() },
+            };
+            choice.apply_verdict(verdict);
+        }
+        decide::sort(choices);
     }
 
     fn answer_room(&self, context: Context<'_, '_>, query: Query) -> Grounding {

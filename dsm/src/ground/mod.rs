@@ -38,6 +38,7 @@ mod rooms;
 mod scene;
 mod select;
 mod verify;
+mod views;
 mod words;
 
 #[cfg(test)]
@@ -50,4 +51,5 @@ pub use grounder::Grounder;
 pub use query::{
     Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection,
 };
-pub use verify::{EmbeddedVerifier, Verdict, Verifier};
+pub use verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
+pub use views::CandidateViews;

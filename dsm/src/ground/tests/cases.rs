@@ -226,3 +226,16 @@ fn an_empty_map_has_nothing() {
         assert_status(&ground(&map, text), GroundingStatus::Absent, text);
     }
 }
+
+#[test]
+fn views_confirm_colours_that_the_map_does_not_name() {
+    let ball = |id, y: f64, color| thing(id, "ball", [1.0, y, 0.1], [0.2, 0.2, 0.2]).points(color);
+    let map = map_of([ball(1, 0.0, [190, 35, 40]), ball(2, 1.0, [50, 90, 190]), ball(3, 2.0, [60, 140, 60])]);
+    for (text, id) in [("the red ball", 1), ("the blue ball", 2), ("the green ball", 3)] {
+        let answer = ground(&map, text);
+        assert_found(&answer, id, text);
+        let reasons = &answer.candidates[0].reasons;
+        assert!(reasons.iter().any(|reason| reason.contains("of its pixels look")), "{reasons:?}");
+    }
+    assert_status(&ground(&map, "the yellow ball"), GroundingStatus::Absent, "the yellow ball");
+}

@@ -5,18 +5,18 @@ use crate::geometry::{Aabb, OrientedBox};
 use crate::ground::{GroundConfig, Grounder, Grounding};
 use crate::knowledge::Knowledge;
 use crate::map::{
-    AttributeKind, Attributes, Map, MapChange, MapObject, MapUpdate, ObjectId, ObjectState, Relation, RelationKind,
-    Room, RoomId, Votes,
+    AttributeKind, Attributes, Map, MapChange, MapObject, MapPoint, MapUpdate, ObjectId, ObjectState, Relation,
+    RelationKind, Room, RoomId, Votes,
 };
 use crate::time::Stamp;
 use nalgebra::{Point2, Point3};
 use std::sync::Arc;
 
 /// An object under construction; boxes along the world axes.
-pub(super) struct Thing(MapObject);
+pub(in crate::ground) struct Thing(MapObject);
 
 /// An object with this identity, name, centre and size (metres).
-pub(super) fn thing(id: u64, name: &str, center: [f64; 3], size: [f64; 3]) -> Thing {
+pub(in crate::ground) fn thing(id: u64, name: &str, center: [f64; 3], size: [f64; 3]) -> Thing {
     let mut names = Votes::default();
     names.add(name, 9.0);
     let half = nalgebra::Vector3::from(size) * 0.5;
@@ -59,6 +59,23 @@ impl Thing {
         self
     }
 
+    /// Points of one colour on the surface of its box.
+    pub(in crate::ground) fn points(mut self, color: [u8; 3]) -> Self {
+        let (center, size) = (self.0.bounds.center, self.0.bounds.size);
+        for face in 0..6 {
+            let (axis, sign) = (face / 2, if face % 2 == 0 { 0.5 } else { -0.5 });
+            for (i, j) in (0..15).flat_map(|i| (0..15).map(move |j| (i, j))) {
+                let mut at = nalgebra::Vector3::zeros();
+                at[axis] = sign;
+                at[(axis + 1) % 3] = f64::from(i) / 14.0 - 0.5;
+                at[(axis + 2) % 3] = f64::from(j) / 14.0 - 0.5;
+                let position = (center + at.component_mul(&size)).cast();
+                self.0.points.push(MapPoint { position, color });
+            }
+        }
+        self
+    }
+
     pub(super) fn provisional(mut self) -> Self {
         self.0.state = ObjectState::Provisional;
         self
@@ -66,7 +83,7 @@ impl Thing {
 }
 
 /// A map of these objects.
-pub(super) fn map_of(things: impl IntoIterator<Item = Thing>) -> Map {
+pub(in crate::ground) fn map_of(things: impl IntoIterator<Item = Thing>) -> Map {
     let mut map = Map::new(0.05);
     let changes = things.into_iter().map(|thing| MapChange::Put(Box::new(thing.0))).collect();
     map.apply(MapUpdate { stamp: Stamp::default(), changes });

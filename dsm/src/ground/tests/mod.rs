@@ -2,5 +2,5 @@
 //! and any text at all gets a typed answer.
 
 mod cases;
-mod house;
+pub(super) mod house;
 mod robustness;
