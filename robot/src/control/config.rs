@@ -40,10 +40,16 @@ pub struct ControllerConfig {
     /// Approach speed allowed per metre beyond the stop distance, NEO's xi / (d_i - d_s), 1/s; default 4, range [0.1, 20].
     #[schemars(range(min = 0.1, max = 20.0))]
     pub damper_per_s: f64,
-    /// Deceleration that every approach can count on in m/s^2; default 1, range [0.05, 20].
+    /// Greatest speed of a link that the distance checks allow for, in m/s; default 0.8, range [0.05, 5].
+    #[schemars(range(min = 0.05, max = 5.0))]
+    pub max_closing_m_per_s: f64,
+    /// Deceleration that every approach can count on in m/s^2; default 1.5, range [0.05, 20].
     #[schemars(range(min = 0.05, max = 20.0))]
     pub braking_m_per_s2: f64,
-    /// Distance kept from joint position limits in rad or m; default 0.01, range [0, 0.2].
+    /// Greatest speed at which a link closer than the stop distance is driven away in m/s; default 0.05, range [0, 1].
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub retreat_m_per_s: f64,
+    /// Distance kept from joint position limits in rad or m; default 0.005, range [0, 0.2].
     #[schemars(range(min = 0.0, max = 0.2))]
     pub limit_margin: f64,
     /// Share of the velocity limits that is used; default 0.9, range [0.05, 1].
@@ -71,8 +77,10 @@ impl Default for ControllerConfig {
             obstacle_stop_m: 0.015,
             self_stop_m: 0.01,
             damper_per_s: 4.0,
-            braking_m_per_s2: 1.0,
-            limit_margin: 0.01,
+            max_closing_m_per_s: 0.8,
+            braking_m_per_s2: 1.5,
+            retreat_m_per_s: 0.05,
+            limit_margin: 0.005,
             velocity_share: 0.9,
             reached_m: 0.004,
             reached_rad: 0.02,

@@ -340,4 +340,13 @@ impl Kinematics {
         }
         bodies
     }
+
+    /// The links that move when a joint of the group does, in the order of the links.
+    pub fn links_moved_by(&self, group: &Group) -> Vec<LinkId> {
+        let drives = |joint: &usize| match self.joints[*joint].drive {
+            Drive::Fixed => false,
+            Drive::Variable { variable, .. } => group.variables.contains(&variable),
+        };
+        (0..self.links.len()).map(LinkId).filter(|link| self.joints_to(*link).iter().any(drives)).collect()
+    }
 }

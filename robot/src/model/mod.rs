@@ -14,7 +14,7 @@ pub mod shapes;
 mod urdf;
 
 pub use collision::{CollisionModel, Obstacle, Other, PairDistance};
-pub use kinematics::{Configuration, Group, JointKind, JointLimits, Kinematics, LinkId, LinkPoses};
+pub use kinematics::{Configuration, Drive, Group, JointKind, JointLimits, Kinematics, LinkId, LinkPoses};
 pub use settings::RobotSettings;
 
 use crate::joints::{JointNames, JointPositions};
@@ -96,6 +96,11 @@ impl RobotModel {
         }
         let kinematics = Kinematics::load_urdf(&urdf)?;
         Fit { file: &file, text: &text }.assemble(settings, kinematics)
+    }
+
+    /// Links that the arm group moves.
+    pub fn arm_links(&self) -> Vec<LinkId> {
+        self.kinematics.links_moved_by(&self.arm)
     }
 
     /// A named posture of `robot.toml`, with the joints that it names.
