@@ -7,7 +7,7 @@ use super::qp::{Qp, QpFailure, QpSolver, Row};
 use super::{BrakeReason, ControlOutput, ControlStatus};
 use crate::drivers::JointState;
 use crate::joints::{JointPositions, JointVelocities};
-use crate::model::{CollisionModel, Configuration, Group, Kinematics, LinkId, LinkPoses, Obstacle};
+use crate::model::{CollisionModel, Configuration, Group, Kinematics, LinkId, LinkPoses, Obstacle, PairDistance};
 use dsm::time::Stamp;
 use nalgebra::DVector;
 use std::sync::Arc;
@@ -127,7 +127,8 @@ impl Safety {
         // An empty list would mean every link.
         if !kept.is_empty() && !obstacles.is_empty() {
             let reach_m = reach(config.obstacle_stop_m);
-            pairs.extend(self.collision.obstacle_distances(&now.poses, obstacles, &kept, reach_m));
+            let found = self.collision.obstacle_distances(&now.poses, obstacles, &kept, reach_m);
+            pairs.extend(nearest_of_each_link(found));
         }
         let mut found = Rows { rows: Vec::new(), min_distance_m: None };
         for pair in &pairs {
@@ -214,4 +215,20 @@ impl Safety {
         named.values_mut().copy_from_slice(velocities.as_slice());
         named
     }
+}
+
+/// The obstacles nearest to each link. A cloud of points gives a link dozens of them, which press the same way; those
+/// farther off get their turn in the next tick, when they are the nearest.
+fn nearest_of_each_link(mut pairs: Vec<PairDistance>) -> Vec<PairDistance> {
+    const KEPT: usize = 5;
+    pairs.sort_by(|a, b| a.link.cmp(&b.link).then(a.distance_m.total_cmp(&b.distance_m)));
+    let mut kept: Vec<PairDistance> = Vec::new();
+    let mut count = 0;
+    for pair in pairs {
+        count = if kept.last().is_some_and(|last| last.link == pair.link) { count + 1 } else { 1 };
+        if count <= KEPT {
+            kept.push(pair);
+        }
+    }
+    kept
 }
