@@ -64,7 +64,13 @@ fn load(spec: &RunSpec) -> Result<(Arc<RobotModel>, World), TaskError> {
     let model = Arc::new(RobotModel::load(&find_robot(&spec.robot)?)?);
     let perception = if spec.perception == "oracle" { Perception::Oracle } else { Perception::Noisy };
     let start = spec.episode.start.map(|s| StartPose { x_m: s.x_m, y_m: s.y_m, yaw_rad: s.yaw_rad });
-    let config = WorldConfig { seed: spec.seed, perception, start, permute_labels: spec.permute_labels, ..WorldConfig::default() };
+    let config = WorldConfig {
+        seed: spec.seed,
+        perception,
+        start,
+        permute_labels: spec.permute_labels,
+        ..WorldConfig::default()
+    };
     let world = World::load(&spec.scene, model.clone(), config)?;
     Ok((model, world))
 }
