@@ -3,7 +3,7 @@
 use super::observation::{MaskBitmap, depth_noise_m};
 use crate::camera::CameraModel;
 use crate::frame::{FrameId, RgbdFrame};
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// Cells along the longer side of the copy.
 const CELLS: usize = 40;
@@ -72,6 +72,14 @@ impl View {
             rows,
             cells,
         }
+    }
+
+    /// Moves the camera by a correction of its pose.
+    pub(super) fn transform(&mut self, correction: &Isometry3<f32>) {
+        let inverse = correction.inverse();
+        self.eye = correction * self.eye;
+        self.translation += self.camera_from_world * inverse.translation.vector;
+        self.camera_from_world *= inverse.rotation.to_rotation_matrix().into_inner();
     }
 
     /// What the view says about a surface at `point` in the world frame, known to `tolerance_m`.
