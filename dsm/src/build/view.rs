@@ -99,7 +99,7 @@ impl View {
         }
         let cell = self.cells[row * self.columns + column];
         let depth = cell.abs();
-        let tolerance = tolerance_m + depth_noise_m(f64::from(p.z)) as f32;
+        let tolerance = tolerance_m + 0.6 * depth_noise_m(f64::from(p.z)) as f32;
         if depth == 0.0 || depth < p.z - tolerance {
             Evidence::Silent
         } else if cell > 0.0 && depth <= p.z + tolerance {

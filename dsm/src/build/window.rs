@@ -13,11 +13,14 @@ use crate::map::MapPoint;
 use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
 
 /// Tolerance of a voxel test beside the voxel's size and the depth noise: the pose error within the window, metres.
-const POSE_TOLERANCE_M: f32 = 0.03;
+const POSE_TOLERANCE_M: f32 = 0.015;
 /// Weight averaged into a voxel before newer points push older ones out.
 const MEMORY: f32 = 32.0;
-/// Share of the mean weight that a voxel needs: depth noise spreads a thin fringe around a surface that is measured often.
-const FRINGE: f32 = 0.2;
+/// Share of the mean weight that a voxel of a small thing needs: depth noise spreads a thin fringe around a surface that is
+/// measured often.
+const FRINGE: f32 = 0.3;
+/// The same for larger things, whose far parts are seen seldom without being wrong.
+const LARGE_FRINGE: f32 = 0.05;
 
 #[derive(Clone, Debug)]
 struct Voxel {
@@ -122,7 +125,8 @@ impl Window {
     fn kept_points(&self, config: &BuildConfig) -> Vec<MapPoint> {
         let kept = || self.voxels.iter().filter(|v| is_kept(v, config));
         let (sum, count) = kept().fold((0.0, 0), |(sum, count), v| (sum + v.weight, count + 1));
-        let least = FRINGE * sum / count.max(1) as f32;
+        let fringe = if self.voxel_m < 0.015 { FRINGE } else { LARGE_FRINGE };
+        let least = fringe * sum / count.max(1) as f32;
         kept().filter(|v| v.weight >= least).map(Voxel::point).collect()
     }
 
