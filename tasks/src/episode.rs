@@ -204,3 +204,20 @@ impl Episode {
         Ok(())
     }
 }
+
+impl Episode {
+    /// An episode that only explores.
+    pub fn exploration(scene: PathBuf, time_limit_s: f64) -> Self {
+        let step = Step { skill: Some(SkillName::Explore), ..Step::default() };
+        Self {
+            version: EPISODE_VERSION,
+            scene,
+            robot: default_robot(),
+            seed: 0,
+            time_limit_s,
+            start: None,
+            steps: vec![step],
+            expectations: Vec::new(),
+        }
+    }
+}

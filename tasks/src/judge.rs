@@ -4,7 +4,7 @@ use crate::episode::{Expectation, ExpectationKind};
 use crate::summary::{ContactSummary, ExpectationSummary, Metrics, PoseSummary, StepOutcome, StepSummary, TruthSummary};
 use dsm::eval::{TrueObject, TrueWorld, Truth};
 use dsm::map::Map;
-use dsm_robot::nav::{Costmap, plan};
+use dsm_robot::nav::{Costmap, CostmapConfig, find_path};
 use nalgebra::{Isometry3, Point2};
 use std::collections::BTreeMap;
 
@@ -73,9 +73,9 @@ impl Judge {
         }
     }
 
-    /// Bodies that the scene knows, for messages.
-    pub fn body_names(truth: &Truth) -> Vec<String> {
-        truth.objects.iter().map(|o| o.body.clone()).collect()
+    /// Name of the scene.
+    pub fn scene(&self) -> &str {
+        &self.world.scene
     }
 
     /// Takes in the next sample.
@@ -280,14 +280,15 @@ impl Judge {
         let first = self.first.as_ref()?;
         let start = Point2::from(first.world_from_base.translation.vector.xy());
         let target = self.expectations.iter().find_map(|e| find(first, e.object.as_deref()?))?;
-        let costmap = Costmap::from_free_space(&self.world.free_space, self.robot_radius_m);
+        let config = CostmapConfig { footprint_radius_m: self.robot_radius_m, ..CostmapConfig::default() };
+        let costmap = Costmap::from_free_space(&self.world.free_space, &config);
         // The nearest free place from which the object is within a metre counts as arriving.
         let center = target.bounds.center.xy();
         let goals = (0..16).flat_map(|i| {
             let angle = f64::from(i) * std::f64::consts::TAU / 16.0;
             [0.5, 0.7, 0.9].map(|r| Point2::new(center.x + r * angle.cos(), center.y + r * angle.sin()))
         });
-        goals.filter_map(|goal| plan(&costmap, &start, &goal).ok()).map(|path| path.length_m).min_by(f64::total_cmp)
+        goals.filter_map(|goal| find_path(&costmap, &start, &goal).ok()).map(|path| path.length_m).min_by(f64::total_cmp)
     }
 
     /// The truth that foreign scripts need.

@@ -1,1 +1,27 @@
-//! Placeholder.
+//! Skills, the episode loop, judging, reports and the command line.
+//!
+//! ```text
+//! episode.toml ──▶ assemble ──▶ Agent::tick loop ◀── skills ◀── Executor ◀── commands
+//!                                   │ truth (judge only)
+//!                                   ▼
+//!                        summary.json, map.dsm, report.html
+//! ```
+//!
+//! Invariants: one loop ([`agent::Agent::tick`]) sees command, time, frames and map; only the judge reads truth; the
+//! crate does not know which physics engine runs.
+
+pub mod agent;
+pub mod assemble;
+pub mod cli;
+pub mod deferred;
+pub mod episode;
+pub mod error;
+pub mod executor;
+pub mod journal;
+pub mod judge;
+pub mod perception;
+pub mod report;
+pub mod run;
+pub mod settings;
+pub mod skills;
+pub mod summary;

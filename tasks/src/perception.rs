@@ -4,9 +4,8 @@
 //! latency, whatever the machine's speed, so that a run does not depend on wall time.
 
 use crate::error::TaskError;
-use dsm::build::MapBuilder;
+use dsm::build::{Carrier, MapBuilder};
 use dsm::frame::RgbdFrame;
-use dsm::geometry::OrientedBox;
 use dsm::map::Map;
 use dsm::perceive::{Detections, Detector};
 use dsm::store::{MapLog, StoreError};
@@ -18,7 +17,7 @@ use std::thread::JoinHandle;
 
 struct Job {
     frame: Arc<RgbdFrame>,
-    own_body: Vec<OrientedBox>,
+    carrier: Carrier,
 }
 
 /// What one frame taught.
@@ -49,10 +48,10 @@ impl Perception {
         Self { jobs: Some(jobs), results, under_way: VecDeque::new(), latency, worker: Some(worker) }
     }
 
-    /// Hands a frame to the worker. `own_body` are boxes around the robot's links when the frame was taken.
-    pub fn submit(&mut self, frame: Arc<RgbdFrame>, own_body: Vec<OrientedBox>) -> Result<(), TaskError> {
+    /// Hands a frame to the worker. `carrier` says where the robot itself was.
+    pub fn submit(&mut self, frame: Arc<RgbdFrame>, carrier: Carrier) -> Result<(), TaskError> {
         self.under_way.push_back(frame.stamp + self.latency);
-        let sent = self.jobs.as_ref().is_some_and(|jobs| jobs.send(Job { frame, own_body }).is_ok());
+        let sent = self.jobs.as_ref().is_some_and(|jobs| jobs.send(Job { frame, carrier }).is_ok());
         if sent { Ok(()) } else { Err(TaskError::Internal("the mapping worker ended".into())) }
     }
 
@@ -92,9 +91,9 @@ fn work(
     inbox: &Receiver<Job>,
     outbox: &Sender<Result<Learned, StoreError>>,
 ) -> Result<(), StoreError> {
-    while let Ok(Job { frame, own_body }) = inbox.recv() {
+    while let Ok(Job { frame, carrier }) = inbox.recv() {
         let detections = detector.detect(&frame);
-        let update = builder.observe(&map, &frame, &detections, &own_body);
+        let update = builder.observe(&map, &frame, &detections, &carrier);
         if let Some(log) = &mut log
             && let Err(error) = log.append(update.clone())
         {

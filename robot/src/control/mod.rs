@@ -1,1 +1,81 @@
 //! The QP controller: velocities that follow a tool pose within limits and away from obstacles.
+//!
+//! ```text
+//! JointState, ToolGoal, obstacles ─▶ tasks (pose, posture, manipulability) ─┐
+//!                                    box (position, velocity, acceleration) ├─▶ QP ─▶ JointVelocities
+//!                                    rows (self-collision, obstacles) ──────┘
+//! ```
+//!
+//! Tasks give way, limits do not: there is slack on the tasks and none on box and rows. Without a solution every joint
+//! brakes at its acceleration limit and the status says why.
+
+pub mod collision_limit;
+pub mod config;
+mod controller;
+mod ik;
+pub mod joint_limit;
+mod joint_move;
+pub mod manipulability;
+pub mod pose_task;
+pub mod posture_task;
+pub mod qp;
+mod safety;
+
+pub use config::ControllerConfig;
+pub use controller::Controller;
+pub use ik::{IkRequest, find_ik};
+pub use joint_move::JointMove;
+pub use pose_task::ToolGoal;
+
+use crate::joints::JointVelocities;
+
+/// Why the joints brake.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BrakeReason {
+    /// The limits contradict each other: no velocity satisfies all of them.
+    Infeasible,
+    /// More obstacles are near than the solver holds.
+    TooManyRows,
+    /// The solver gave up.
+    Solver,
+    /// State or goal hold a value that is not finite, or the step is not positive.
+    NotFinite,
+    /// The state is of other joints than the group's.
+    WrongJoints,
+}
+
+/// How a tick ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ControlStatus {
+    /// On the way.
+    Tracking,
+    /// The goal is reached within the configured errors.
+    Reached,
+    /// Every joint slows down as hard as it may.
+    Braking {
+        /// Why.
+        reason: BrakeReason,
+    },
+}
+
+/// The answer of a tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ControlOutput {
+    /// Velocities of the group for the next step.
+    pub velocities: JointVelocities,
+    /// How the tick ended.
+    pub status: ControlStatus,
+    /// Distance of the tool from its goal in m before the step; not a number when the state could not be used.
+    pub error_m: f64,
+    /// Angle of the tool from its goal in rad before the step.
+    pub error_rad: f64,
+    /// Least distance of a moved link to another link or an obstacle in m; `None` when nothing is near.
+    pub min_distance_m: Option<f64>,
+    /// Rows that hold the motion back.
+    pub active_rows: usize,
+    /// Rows of the program.
+    pub rows: usize,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,1 +1,27 @@
-//! Navigation: costmap, frontiers, planner, follower.
+//! Navigation: where the base can stand, where it should go to see more, how it gets there.
+//!
+//! ```text
+//! FreeSpace ──▶ Costmap ──▶ Field ──▶ frontiers, viewpoints, standing poses ──▶ Path ──▶ Follower ──▶ Twist
+//! ```
+//!
+//! Everything but [`Follower`] and the two memories ([`FrontierMemory`], [`CoverageGrid`]) is a function of its inputs.
+
+mod config;
+mod costmap;
+mod coverage;
+mod follower;
+mod frontier;
+mod goal;
+mod grid;
+mod planner;
+mod sight;
+
+pub use config::{NavConfig, RangeError};
+pub use costmap::{Costmap, CostmapConfig, UnknownPolicy};
+pub use coverage::{CoverageConfig, CoverageGrid, Viewpoint};
+pub use follower::{BlockReason, FollowOutput, FollowStatus, Follower, FollowerConfig};
+pub use frontier::{Frontier, FrontierConfig, FrontierMemory, find_frontiers};
+pub use goal::{GoalConfig, StandPose, StandRange, find_reach_poses, find_room_pose, find_view_poses};
+pub use grid::Grid;
+pub use planner::{Field, Path, PlanFailure, Pose2, find_path};
+pub use sight::{Sight, Visibility};

@@ -1,8 +1,24 @@
 //! Scenes: MJCF geometry and `semantics.toml`.
 
+mod bodies;
+mod error;
+mod grammar;
+mod lint;
+mod load;
+mod mesh;
 mod model;
+mod semantics;
+mod source;
+mod surface;
 
+pub use bodies::HeldJoint;
+pub use error::{Place, SceneError};
+pub use load::scene_file;
 pub use model::{
     BodyMotion, LightKind, SceneBody, SceneGeom, SceneLight, SceneMaterial, SceneMesh, SceneModel, SceneShape,
-    SceneTexture,
+    SceneTexture, TextureSpan,
+};
+pub use semantics::{
+    ObjectSemantics, Placement, RoomSemantics, SEMANTICS_FILE, Semantics, SemanticsError, StartArea, StartAreas,
+    WeightClass,
 };

@@ -90,6 +90,16 @@ pub struct SceneBody {
     pub geoms: Vec<SceneGeom>,
 }
 
+/// What the repetitions of a texture count along.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TextureSpan {
+    /// The whole face or the whole turn (MJCF `texuniform="false"`).
+    #[default]
+    Face,
+    /// One metre of surface (MJCF `texuniform="true"`).
+    Metre,
+}
+
 /// A surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneMaterial {
@@ -99,8 +109,10 @@ pub struct SceneMaterial {
     pub rgba: [f32; 4],
     /// Index into [`SceneModel::textures`].
     pub texture: Option<usize>,
-    /// Texture repetitions along u and v.
+    /// Texture repetitions along u and v, per metre or per face as [`SceneMaterial::texture_span`] says.
     pub texture_repeat: [f32; 2],
+    /// What one unit of `texture_repeat` spans.
+    pub texture_span: TextureSpan,
     /// Specularity, 0 to 1.
     pub specular: f32,
     /// Shininess, 0 to 1.

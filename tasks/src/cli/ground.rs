@@ -42,8 +42,12 @@ fn describe(grounding: &Grounding, map: &Map) -> String {
     }
     let _ = write!(text, "\ndecided by {}", grounding.decided_by);
     for candidate in &grounding.candidates {
-        let id = candidate.object_id;
-        let _ = write!(text, "\n  {:.2}  object {} ({})", candidate.score, id.0, name(id));
+        let what = match (candidate.object_id, candidate.room_id.and_then(|id| map.find_room(id))) {
+            (Some(id), _) => format!("object {} ({})", id.0, name(id)),
+            (None, Some(room)) => format!("room {} ({})", room.id.0, room.name),
+            (None, None) => "?".into(),
+        };
+        let _ = write!(text, "\n  {:.2}  {what}", candidate.score);
         for reason in &candidate.reasons {
             let _ = write!(text, "\n        {reason}");
         }

@@ -13,6 +13,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 pub use output::Output;
+pub use run::{Timing, prepare};
 
 /// Simulation-in-the-loop robot tasks on a Diverse Semantic Map.
 #[derive(Debug, Parser)]
@@ -40,23 +41,23 @@ pub struct ResultArgs {
 /// What all simulated runs share. Precedence: flag, environment, episode, robot.toml, default.
 #[derive(Clone, Debug, Default, Args)]
 pub struct WorldArgs {
-    /// Seed of every draw.
-    #[arg(long, env = "DSM_SEED")]
+    /// Seed of every draw [env: DSM_SEED].
+    #[arg(long)]
     pub seed: Option<u64>,
-    /// Robot: a name that ships with the program, or the path of a robot.toml.
-    #[arg(long, env = "DSM_ROBOT")]
+    /// Robot: a name that ships with the program, or the path of a robot.toml [env: DSM_ROBOT].
+    #[arg(long)]
     pub robot: Option<String>,
-    /// Physics engine.
-    #[arg(long, env = "DSM_PHYSICS")]
+    /// Physics engine [env: DSM_PHYSICS].
+    #[arg(long)]
     pub physics: Option<PhysicsChoice>,
-    /// Simulated perception.
-    #[arg(long, env = "DSM_PERCEPTION")]
+    /// Simulated perception [env: DSM_PERCEPTION].
+    #[arg(long)]
     pub perception: Option<PerceptionChoice>,
-    /// Worker threads; never changes a result.
-    #[arg(long, env = "DSM_THREADS", value_parser = clap::value_parser!(u16).range(1..=256))]
+    /// Worker threads; never changes a result [env: DSM_THREADS].
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
-    /// Simulated time limit in seconds.
-    #[arg(long, env = "DSM_TIME_LIMIT_S")]
+    /// Simulated time limit in seconds [env: DSM_TIME_LIMIT_S].
+    #[arg(long)]
     pub time_limit_s: Option<f64>,
 }
 

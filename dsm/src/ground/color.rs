@@ -1,0 +1,70 @@
+//! How alike colour words are.
+
+use crate::knowledge::Words;
+
+/// CIELAB (D65) of an sRGB colour.
+fn lab_of(srgb: [f64; 3]) -> [f64; 3] {
+    let linear = srgb.map(|c| {
+        let c = c / 255.0;
+        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    });
+    let dot = |row: [f64; 3]| row[0] * linear[0] + row[1] * linear[1] + row[2] * linear[2];
+    let xyz = [
+        dot([0.4124, 0.3576, 0.1805]) / 0.950_47,
+        dot([0.2126, 0.7152, 0.0722]),
+        dot([0.0193, 0.1192, 0.9505]) / 1.088_83,
+    ];
+    let f = xyz.map(|t| if t > 0.008_856 { t.cbrt() } else { 7.787 * t + 16.0 / 116.0 });
+    [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
+}
+
+/// Distance in CIELAB at which two colours count as alike by 1/e. Measured so that white and beige stay near .4 and
+/// red and blue at 0. Range 10 to 60.
+const ALIKE_DISTANCE: f64 = 28.0;
+
+fn alike(a: [f64; 3], b: [f64; 3], lightness_weight: f64) -> f32 {
+    let squared = lightness_weight * (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2);
+    (-squared / (ALIKE_DISTANCE * ALIKE_DISTANCE)).exp() as f32
+}
+
+/// How alike two canonical colour words are, 0 to 1; 0 for a word without prototype unless both are the same.
+pub(super) fn word_similarity(words: &Words, a: &str, b: &str) -> f32 {
+    if a == b {
+        return 1.0;
+    }
+    let find = |name: &str| words.prototypes.iter().find(|p| p.name == name).map(|p| lab_of(p.srgb.map(f64::from)));
+    match (find(a), find(b)) {
+        (Some(a), Some(b)) => alike(a, b, 1.0),
+        _ => 0.0,
+    }
+}
+
+/// How well a measured sRGB colour fits a canonical colour word, relative to the best-fitting word, 0 to 1.
+/// Lightness counts half: exposure changes it.
+pub(super) fn fit(words: &Words, asked: &str, srgb: [f64; 3]) -> f32 {
+    let lab = lab_of(srgb);
+    let score = |name: &str| {
+        let prototype = words.prototypes.iter().find(|p| p.name == name);
+        prototype.map_or(0.0, |p| alike(lab, lab_of(p.srgb.map(f64::from)), 0.5))
+    };
+    let best = words.prototypes.iter().map(|p| score(&p.name)).fold(0.0, f32::max);
+    if best > 0.0 { score(asked) / best } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: neighbouring colours are somewhat alike, opposite ones are not.
+    use super::*;
+    use crate::knowledge::Knowledge;
+
+    #[test]
+    fn neighbours_are_alike_opposites_are_not() {
+        let knowledge = Knowledge::embedded().unwrap();
+        let words = knowledge.words();
+        assert!(word_similarity(words, "red", "blue") < 0.02);
+        assert!(word_similarity(words, "white", "black") < 0.02);
+        assert!(word_similarity(words, "white", "beige") > 0.25);
+        assert!(fit(words, "red", [170.0, 30.0, 35.0]) > 0.95);
+        assert!(fit(words, "green", [170.0, 30.0, 35.0]) < 0.05);
+    }
+}

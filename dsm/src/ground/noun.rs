@@ -1,0 +1,79 @@
+//! The noun of a phrase: its head among the words before a preposition or the end.
+
+use super::query::{AttributeTerm, AttributeWord, Noun};
+use super::words;
+use crate::knowledge::Knowledge;
+
+/// The head of a run of content words.
+pub(super) struct Head {
+    /// What it names.
+    pub(super) noun: Noun,
+    /// Index of its first word in the run; the words before describe it.
+    pub(super) start: usize,
+    /// Whether any list knows it.
+    pub(super) known: bool,
+    /// Whether it names a part or a group of what follows "of".
+    pub(super) part_or_group: bool,
+}
+
+/// Finds the head of a run of words: its longest ending that names something, else its last word.
+///
+/// English puts describing words first, so "black leather office chair" has the head "office chair". When the words
+/// before the head's last word only describe it ("plastic bottle"), they stay descriptions.
+pub(super) fn find_head(run: &[String], knowledge: &Knowledge) -> Head {
+    let head = |noun, start, known| Head { noun, start, known, part_or_group: false };
+    let last = run.len() - 1;
+    if words::is_part_or_group(&run[last]) && run.len() == 1 {
+        return Head { part_or_group: true, ..head(Noun::Thing(run[last].clone()), last, false) };
+    }
+    for start in 0..run.len() {
+        let phrase = run[start..].join(" ");
+        if let Some(room) = knowledge.words().rooms.find(&phrase) {
+            return head(Noun::Room(room.to_owned()), start, true);
+        }
+        if let Some(category) = knowledge.find_exact(&phrase) {
+            let rest = run[start + 1..].join(" ");
+            let only_described = start < last
+                && find_attribute(&run[start], knowledge).is_some()
+                && knowledge.find_exact(&rest).is_some_and(|same| same.name == category.name);
+            if !only_described {
+                return head(Noun::Thing(phrase), start, true);
+            }
+        }
+        if knowledge.find_kind(&phrase).is_some() {
+            return head(Noun::Thing(phrase), start, true);
+        }
+    }
+    if words::is_anything(&run[last]) {
+        return head(Noun::Anything, last, true);
+    }
+    // Misspelt: two words first, then one.
+    for start in [last.saturating_sub(1), last] {
+        let phrase = run[start..].join(" ");
+        if let Some(category) = knowledge.find_tolerant(&phrase) {
+            return head(Noun::Thing(category.name.clone()), start, true);
+        }
+    }
+    // "the red": a description without a noun.
+    if words::find_superlative(&run[last]).is_some() || find_attribute(&run[last], knowledge).is_some() {
+        return head(Noun::Anything, run.len(), true);
+    }
+    head(Noun::Thing(run[last].clone()), last, false)
+}
+
+/// The attribute that a word states.
+pub(super) fn find_attribute(word: &str, knowledge: &Knowledge) -> Option<AttributeTerm> {
+    let lists = knowledge.words();
+    let colored = word.strip_suffix("colored").or_else(|| word.strip_suffix("coloured")).unwrap_or(word);
+    let tables = [
+        (AttributeWord::Color, &lists.colors),
+        (AttributeWord::Material, &lists.materials),
+        (AttributeWord::Size, &lists.sizes),
+        (AttributeWord::Shape, &lists.shapes),
+        (AttributeWord::Pattern, &lists.patterns),
+        (AttributeWord::Weight, &lists.weights),
+    ];
+    tables.into_iter().find_map(|(kind, list)| {
+        list.find(colored).map(|word| AttributeTerm { kind, word: word.to_owned(), negated: false })
+    })
+}

@@ -1,0 +1,372 @@
+//! From tokens to a query: a hand-written recursive descent over English noun phrases.
+//!
+//! ```text
+//! entity   = { article | ordinal | superlative | attribute } noun { modifier }
+//! modifier = [ "that is" ] [ "not" ] ( relation entity | place | attribute | "made of" material | "to" verb )
+//! ```
+//! Words that the grammar does not know are skipped: people say more than is needed.
+
+use super::noun::{self, Head};
+use super::query::{
+    Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection,
+};
+use super::words;
+use crate::knowledge::Knowledge;
+
+/// Where a modifier after a nested noun belongs: "the cup on the table next to the window".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Attachment {
+    /// To the nearest noun: the table is next to the window.
+    Nearest,
+    /// To the target: the cup is next to the window.
+    Target,
+}
+
+/// Deepest nesting of anchors; deeper ones are cut off.
+const MAX_DEPTH: usize = 5;
+/// Most entities in one query; further words are ignored.
+const MAX_ENTITIES: usize = 16;
+
+/// Parses a noun phrase with all its modifiers; `None` when it names nothing at all.
+pub(super) fn parse_query(tokens: &[String], knowledge: &Knowledge, attachment: Attachment) -> Option<Query> {
+    let mut parser = Parser { tokens, at: 0, knowledge, attachment, entities: 0, known_words: 0 };
+    parser.skip_opening();
+    let mut target = parser.parse_entity(0)?;
+    // Further sentences speak of the target.
+    while parser.at < tokens.len() {
+        let before = parser.at;
+        parser.parse_modifiers(&mut target, 0);
+        if parser.at == before {
+            parser.at += 1;
+        }
+    }
+    let says_something = parser.known_words > 0 || matches!(target.noun, Noun::Thing(_));
+    says_something.then_some(Query { target })
+}
+
+struct Parser<'a> {
+    tokens: &'a [String],
+    at: usize,
+    knowledge: &'a Knowledge,
+    attachment: Attachment,
+    entities: usize,
+    known_words: usize,
+}
+
+impl Parser<'_> {
+    fn rest(&self) -> &[String] {
+        &self.tokens[self.at.min(self.tokens.len())..]
+    }
+
+    fn peek(&self) -> Option<&str> {
+        self.rest().first().map(String::as_str)
+    }
+
+    fn next_is(&self, words: &[&str]) -> bool {
+        words.len() <= self.rest().len() && words.iter().zip(self.rest()).all(|(word, token)| word == token)
+    }
+
+    fn skip_if(&mut self, words: &[&str]) -> bool {
+        let fits = self.next_is(words);
+        if fits {
+            self.at += words.len();
+        }
+        fits
+    }
+
+    /// "there is a ...", "it is the ...", "this is ..."
+    fn skip_opening(&mut self) {
+        while matches!(self.peek(), Some("there" | "it" | "this" | "is" | "are" | "," | "and" | "that" | "you" | "for"))
+        {
+            self.at += 1;
+        }
+    }
+
+    fn parse_entity(&mut self, depth: usize) -> Option<Entity> {
+        if depth > MAX_DEPTH || self.entities >= MAX_ENTITIES {
+            return None;
+        }
+        self.entities += 1;
+        let mut entity = Entity::named(Noun::Anything);
+        entity.article = self.parse_article();
+        let run = self.content_run();
+        if run == 0 {
+            return None;
+        }
+        let words = &self.tokens[self.at..self.at + run];
+        let head = noun::find_head(words, self.knowledge);
+        self.known_words += usize::from(head.known);
+        self.read_premodifiers(&words[..head.start], &mut entity);
+        self.at += run;
+        entity.noun = head.noun.clone();
+        self.read_of_phrase(&head, &mut entity, depth);
+        self.parse_modifiers(&mut entity, depth);
+        Some(entity)
+    }
+
+    fn parse_article(&mut self) -> Article {
+        let mut article = Article::Definite;
+        while let Some(word) = self.peek() {
+            match word {
+                "a" | "an" | "some" | "any" => article = Article::Indefinite,
+                "the" | "this" | "that" | "these" | "those" | "my" | "your" | "our" | "his" | "her" | "its" | "all"
+                | "very" | "both" | "other" => article = Article::Definite,
+                _ => break,
+            }
+            self.at += 1;
+        }
+        if self.peek().is_some_and(|word| matches!(word, "something" | "anything")) {
+            article = Article::Indefinite;
+        }
+        article
+    }
+
+    /// Number of content words from here on.
+    fn content_run(&self) -> usize {
+        let rest = self.rest();
+        let mut length = 0;
+        while length < rest.len() && length < 8 {
+            let token = rest[length].as_str();
+            if words::is_function_word(token) {
+                break;
+            }
+            let tail = &rest[length..];
+            // "nearest chair" and "left lamp" describe, "nearest to the chair" and "left of the lamp" relate.
+            let describes = words::find_superlative(token).is_some()
+                && tail
+                    .get(1)
+                    .is_some_and(|next| !words::is_function_word(next) && words::find_relation(&tail[1..]).is_none())
+                && length == 0;
+            if !describes && (words::find_relation(tail).is_some() || words::find_place(tail).is_some()) {
+                break;
+            }
+            length += 1;
+        }
+        length
+    }
+
+    /// Reads the words before the noun.
+    fn read_premodifiers(&mut self, before: &[String], entity: &mut Entity) {
+        let mut rank = None;
+        let mut order = None;
+        for word in before {
+            if let Some(ordinal) = words::find_ordinal(word) {
+                rank = Some(ordinal);
+            } else if let Some(superlative) = words::find_superlative(word) {
+                order = Some(superlative);
+            } else if let Some(term) = noun::find_attribute(word, self.knowledge) {
+                self.known_words += 1;
+                entity.attributes.push(term);
+            } else if let Some(room) = self.knowledge.words().rooms.find(word)
+                && room != "room"
+            {
+                let room = Entity::named(Noun::Room(room.to_owned()));
+                entity.relations.push(RelationTerm { word: RelationWord::In, negated: false, anchors: vec![room] });
+            }
+        }
+        if let Some(order) = order {
+            entity.selections.push(Selection { order, rank: rank.unwrap_or(1) });
+        } else if let Some(rank) = rank {
+            // Counted from the left unless "from the ..." follows and says otherwise.
+            entity.selections.push(Selection { order: Order::Leftmost, rank });
+        }
+    }
+
+    /// "top of the shelf" speaks of the shelf; "cup of coffee" of the cup; "box of wood" of a wooden box.
+    fn read_of_phrase(&mut self, head: &Head, entity: &mut Entity, depth: usize) {
+        if !self.next_is(&["of"]) {
+            return;
+        }
+        let start = self.at;
+        self.at += 1;
+        if head.part_or_group {
+            if let Some(mut whole) = self.parse_entity(depth + 1) {
+                whole.selections.append(&mut entity.selections);
+                whole.article = entity.article;
+                *entity = whole;
+            }
+            return;
+        }
+        if let Some(material) = self.peek().and_then(|word| self.knowledge.words().materials.find(word)) {
+            entity.attributes.push(AttributeTerm {
+                kind: AttributeWord::Material,
+                word: material.to_owned(),
+                negated: false,
+            });
+            self.at += 1;
+            return;
+        }
+        // What it holds or belongs to does not tell things apart in the map: skipped.
+        self.parse_article();
+        self.at += self.content_run();
+        if self.at <= start + 1 {
+            self.at = start + 1;
+        }
+    }
+
+    /// Reads all modifiers that belong to the entity.
+    fn parse_modifiers(&mut self, entity: &mut Entity, depth: usize) {
+        let mut after_copula = false;
+        let mut negated = false;
+        while let Some(word) = self.peek() {
+            match word {
+                "," | "and" | "but" if depth > 0 => return,
+                "that" | "which" | "who" | "it" | "is" | "are" | "was" | "there" | "be"
+                    if depth > 0 && self.belongs_to_target() =>
+                {
+                    return;
+                }
+                "not" => {
+                    negated = true;
+                    self.at += 1;
+                    continue;
+                }
+                "without" | "no" => {
+                    self.at += 1;
+                    self.push_relation(entity, RelationWord::With, true, depth);
+                    continue;
+                }
+                "is" | "are" | "was" | "looks" | "be" => after_copula = true,
+                _ => {}
+            }
+            if self.read_counted_from(entity) || self.read_made_of(entity, negated) || self.read_purpose(entity) {
+                negated = false;
+                continue;
+            }
+            if let Some((length, order)) = words::find_place(self.rest()) {
+                self.at += length;
+                self.known_words += 1;
+                entity.selections.push(Selection { order, rank: 1 });
+                continue;
+            }
+            if let Some((length, relation)) = words::find_relation(self.rest()) {
+                let nested_with = matches!(relation, RelationWord::With);
+                if depth > 0 && self.attachment == Attachment::Target && !nested_with {
+                    return;
+                }
+                self.at += length;
+                self.known_words += 1;
+                self.push_relation(entity, relation, negated, depth);
+                negated = false;
+                continue;
+            }
+            if self.read_predicate(entity, after_copula || depth == 0, negated) {
+                negated = false;
+                continue;
+            }
+            if depth > 0 && !words::is_function_word(self.peek().unwrap_or(",")) {
+                return;
+            }
+            self.at += 1;
+        }
+    }
+
+    /// In a nested noun phrase, "that is ..." belongs to the noun before it when attachment is nearest.
+    fn belongs_to_target(&self) -> bool {
+        self.attachment == Attachment::Target || matches!(self.peek(), Some("it" | "is" | "are" | "was" | "there"))
+    }
+
+    fn push_relation(&mut self, entity: &mut Entity, word: RelationWord, negated: bool, depth: usize) {
+        if self.peek().is_some_and(|token| matches!(token, "it" | "them" | "me" | "you" | "which")) {
+            self.at += 1;
+            return;
+        }
+        let Some(first) = self.parse_entity(depth + 1) else { return };
+        let mut anchors = vec![first];
+        if word == RelationWord::Between && self.skip_if(&["and"]) {
+            anchors.extend(self.parse_entity(depth + 1));
+        }
+        // "next to the lamp and the chair": one relation to each.
+        while word != RelationWord::Between
+            && self.next_is(&["and"])
+            && self.tokens.get(self.at + 1).is_some_and(|next| matches!(next.as_str(), "the" | "a" | "an"))
+        {
+            let start = self.at;
+            self.at += 1;
+            match self.parse_entity(depth + 1) {
+                Some(more) => entity.relations.push(RelationTerm { word, negated, anchors: vec![more] }),
+                None => {
+                    self.at = start;
+                    break;
+                }
+            }
+        }
+        entity.relations.push(RelationTerm { word, negated, anchors });
+    }
+
+    /// "from the left" decides how an ordinal counts.
+    fn read_counted_from(&mut self, entity: &mut Entity) -> bool {
+        let Some((length, order)) = words::find_counted_from(self.rest()) else { return false };
+        self.at += length;
+        match entity.selections.first_mut() {
+            Some(selection) => selection.order = order,
+            None => entity.selections.push(Selection { order, rank: 1 }),
+        }
+        true
+    }
+
+    fn read_made_of(&mut self, entity: &mut Entity, negated: bool) -> bool {
+        let start = self.at;
+        if !(self.skip_if(&["made", "of"]) || self.skip_if(&["made", "out", "of"]) || self.skip_if(&["made", "from"])) {
+            return false;
+        }
+        match self.peek().and_then(|word| self.knowledge.words().materials.find(word)) {
+            Some(material) => {
+                let word = material.to_owned();
+                entity.attributes.push(AttributeTerm { kind: AttributeWord::Material, word, negated });
+                self.at += 1;
+            }
+            None => self.at = start + 1,
+        }
+        true
+    }
+
+    /// "to sit on", "for sitting", "you can drink from", "used to cut".
+    fn read_purpose(&mut self, entity: &mut Entity) -> bool {
+        let opens = ["to", "for", "can", "could"];
+        let start = self.at;
+        while self.peek().is_some_and(|word| matches!(word, "used" | "that" | "which" | "i" | "you" | "we" | "one")) {
+            self.at += 1;
+        }
+        let opened = self.peek().is_some_and(|word| opens.contains(&word));
+        let verb = self.tokens.get(self.at + 1);
+        let Some(purpose) = verb.filter(|_| opened).and_then(|verb| self.knowledge.words().purposes.find(verb)) else {
+            self.at = start;
+            return false;
+        };
+        let word = purpose.to_owned();
+        entity.attributes.push(AttributeTerm { kind: AttributeWord::Purpose, word, negated: false });
+        self.known_words += 1;
+        self.at += 2;
+        if self.peek().is_some_and(|word| matches!(word, "on" | "in" | "from" | "with" | "at" | "out" | "down")) {
+            // "to sit on in the bedroom": the first preposition belongs to the verb unless its anchor follows.
+            let anchor_follows =
+                self.tokens.get(self.at + 1).is_some_and(|next| matches!(next.as_str(), "the" | "a" | "an" | "my"));
+            if !anchor_follows {
+                self.at += 1;
+            }
+        }
+        true
+    }
+
+    /// "that is red", ", red ,", "is the largest".
+    fn read_predicate(&mut self, entity: &mut Entity, allowed: bool, negated: bool) -> bool {
+        let Some(word) = self.peek().filter(|_| allowed) else { return false };
+        if let Some(order) =
+            words::find_superlative(word).filter(|_| !matches!(word, "left" | "right" | "top" | "bottom"))
+        {
+            self.at += 1;
+            entity.selections.push(Selection { order, rank: 1 });
+            return true;
+        }
+        match noun::find_attribute(word, self.knowledge) {
+            Some(term) => {
+                self.at += 1;
+                self.known_words += 1;
+                entity.attributes.push(AttributeTerm { negated, ..term });
+                true
+            }
+            None => false,
+        }
+    }
+}

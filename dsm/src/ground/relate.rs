@@ -1,0 +1,163 @@
+//! How well a relation holds between two objects, 0 to 1: the map's stored edge or the boxes, whichever says more.
+//!
+//! Boxes are along the world axes. All distances are metres; thresholds follow the definitions in
+//! [`crate::map::RelationKind`] but fall off softly, because map boxes are noisy.
+
+use super::query::RelationWord;
+use super::scene::Scene;
+use crate::geometry::Aabb;
+use crate::map::RelationKind;
+use nalgebra::Point3;
+
+/// 1 up to `full`, 0 from `none` on, linear between.
+fn falling(value: f64, full: f64, none: f64) -> f64 {
+    ((none - value) / (none - full)).clamp(0.0, 1.0)
+}
+
+/// Overlap of the footprints over the smaller footprint, 0 to 1.
+fn footprint_overlap(a: &Aabb, b: &Aabb) -> f64 {
+    let side = |i: usize| (a.max[i].min(b.max[i]) - a.min[i].max(b.min[i])).max(0.0);
+    let area = |c: &Aabb| ((c.max.x - c.min.x) * (c.max.y - c.min.y)).max(1e-6);
+    (side(0) * side(1) / area(a).min(area(b))).min(1.0)
+}
+
+/// Gap between the footprints, 0 when they overlap.
+fn horizontal_gap_m(a: &Aabb, b: &Aabb) -> f64 {
+    let gap = |i: usize| (a.min[i] - b.max[i]).max(b.min[i] - a.max[i]).max(0.0);
+    gap(0).hypot(gap(1))
+}
+
+/// Least distance between two boxes.
+pub(super) fn box_distance_m(a: &Aabb, b: &Aabb) -> f64 {
+    let gap = (a.min.z - b.max.z).max(b.min.z - a.max.z).max(0.0);
+    horizontal_gap_m(a, b).hypot(gap)
+}
+
+/// Share of `a`'s height that lies within `b`'s.
+fn height_share(a: &Aabb, b: &Aabb) -> f64 {
+    let common = a.max.z.min(b.max.z) - a.min.z.max(b.min.z);
+    (common / (a.max.z - a.min.z).max(1e-6)).clamp(0.0, 1.0)
+}
+
+/// Whether `a` rests on the top face of `b`, or on a board within it when `b` is high and open (a shelf).
+fn rests_on(a: &Aabb, b: &Aabb) -> f64 {
+    let over = falling(-footprint_overlap(a, b), -0.3, -0.05);
+    let smaller = falling(footprint_area(a) / footprint_area(b), 1.5, 4.0);
+    let top = falling((a.min.z - b.max.z).abs(), 0.06, 0.2);
+    over * smaller * top
+}
+
+fn footprint_area(a: &Aabb) -> f64 {
+    ((a.max.x - a.min.x) * (a.max.y - a.min.y)).max(1e-6)
+}
+
+/// Whether `a` lies within `b`: footprint and height.
+fn lies_in(a: &Aabb, b: &Aabb) -> f64 {
+    let side = |i: usize| {
+        let common = a.max[i].min(b.max[i]) - a.min[i].max(b.min[i]);
+        (common / (a.max[i] - a.min[i]).max(1e-6)).clamp(0.0, 1.0)
+    };
+    let footprint = falling(-side(0) * side(1), -0.7, -0.3);
+    let larger = if footprint_area(a) < footprint_area(b) { 1.0 } else { 0.3 };
+    // Fruit looks over the rim of its bowl, so the lower end counts.
+    let starts_inside = falling(b.min.z - a.min.z, 0.02, 0.1) * falling(a.min.z - b.max.z, -0.02, 0.03);
+    footprint * larger * starts_inside
+}
+
+/// Whether `a` is beside `b`: a small gap, at a common height, and neither on the other.
+fn beside(a: &Aabb, b: &Aabb, full_m: f64, none_m: f64) -> f64 {
+    let reach = 0.25 * a.size().xy().max().max(b.size().xy().max());
+    let gap = falling(box_distance_m(a, b), full_m + 0.3 * reach, none_m + reach);
+    let stacked = rests_on(a, b).max(rests_on(b, a));
+    let level = 0.4 + 0.6 * f64::from(u8::from(height_share(a, b).max(height_share(b, a)) > 0.1));
+    gap * level * (1.0 - 0.7 * stacked)
+}
+
+/// How well `word` holds between item `target` and item `anchor`; for `between` see [`between`].
+pub(super) fn relation_score(scene: &Scene<'_>, word: RelationWord, target: usize, anchor: usize) -> f32 {
+    let (a, b) = (&scene.items[target].bounds, &scene.items[anchor].bounds);
+    let stored = |kind| f64::from(scene.stored(target, anchor, kind));
+    let stored_back = |kind| f64::from(scene.stored(anchor, target, kind));
+    // "on the shelf" is also said of what stands on a board inside it, "in the shelf" of what stands on it.
+    let on = || {
+        let inside = stored(RelationKind::Inside).max(lies_in(a, b)) * if is_open_storage(b, a) { 0.9 } else { 0.35 };
+        stored(RelationKind::On).max(stored_back(RelationKind::Under)).max(rests_on(a, b)).max(inside)
+    };
+    let inside = || {
+        stored(RelationKind::Inside).max(lies_in(a, b)).max(0.5 * stored(RelationKind::On)).max(0.4 * rests_on(a, b))
+    };
+    let under = || {
+        let covered = falling(-footprint_overlap(a, b), -0.3, -0.05);
+        let lower = falling(a.center().z - b.center().z, -0.05, 0.1) * falling(a.max.z - b.max.z, -0.02, 0.05);
+        stored(RelationKind::Under).max(stored(RelationKind::Below)).max(covered * lower)
+    };
+    let above = |upper: &Aabb, lower: &Aabb| {
+        let covered = falling(-footprint_overlap(upper, lower), -0.2, -0.02);
+        covered * falling(lower.max.z - upper.min.z, 0.03, 0.15)
+    };
+    let score = match word {
+        RelationWord::On => on(),
+        RelationWord::In => inside(),
+        RelationWord::Under => under(),
+        RelationWord::Above => stored(RelationKind::Above).max(above(a, b) * (1.0 - 0.4 * rests_on(a, b))),
+        RelationWord::Below => stored(RelationKind::Below).max(above(b, a)).max(under()),
+        RelationWord::NextTo => (0.9 * stored(RelationKind::NextTo)).max(beside(a, b, 0.2, 1.0)),
+        RelationWord::Near | RelationWord::Closest => {
+            (0.8 * stored(RelationKind::Near)).max(falling(box_distance_m(a, b), 0.3, 2.5))
+        }
+        RelationWord::Far | RelationWord::Farthest => 1.0 - falling(box_distance_m(a, b), 1.0, 4.0),
+        RelationWord::Against => stored(RelationKind::Against).max(beside(a, b, 0.08, 0.4)),
+        RelationWord::With => {
+            let back = RelationWord::On;
+            let carried = f64::from(relation_score(scene, back, anchor, target)).max(lies_in(b, a));
+            let part = stored_back(RelationKind::PartOf).max(stored(RelationKind::UsedWith) * 0.5);
+            carried.max(part).max(0.9 * beside(a, b, 0.25, 1.0)).max(0.8 * on()).max(0.9 * above(b, a))
+        }
+        RelationWord::LeftOf | RelationWord::RightOf | RelationWord::InFrontOf | RelationWord::Behind => {
+            directed(scene, word, a, b)
+        }
+        RelationWord::Between => 0.0,
+    };
+    score as f32
+}
+
+/// A shelf or an open cupboard: clearly higher than what it holds.
+fn is_open_storage(container: &Aabb, content: &Aabb) -> bool {
+    container.size().z > 2.0 * content.size().z && container.size().z > 0.4 && content.min.z > container.min.z + 0.08
+}
+
+/// Left, right, in front, behind for a viewer who faces the anchor: full within 45 degrees of the direction, none from
+/// 80 degrees on, and less the farther away.
+fn directed(scene: &Scene<'_>, word: RelationWord, a: &Aabb, b: &Aabb) -> f64 {
+    let view = scene.view_to(b.center().xy());
+    let wanted = match word {
+        RelationWord::LeftOf => view.left,
+        RelationWord::RightOf => -view.left,
+        RelationWord::InFrontOf => -view.forward,
+        _ => view.forward,
+    };
+    let offset = a.center().xy() - b.center().xy();
+    let distance = offset.norm();
+    if distance < 1e-3 {
+        return 0.0;
+    }
+    let direction = falling(-offset.dot(&wanted) / distance, -0.7, -0.17);
+    direction * (0.5 + 0.5 * falling(box_distance_m(a, b), 0.5, 4.0))
+}
+
+/// How well the target lies between two anchors: near the line that joins their centres, and not beyond their ends.
+pub(super) fn between(scene: &Scene<'_>, target: usize, first: usize, second: usize) -> f32 {
+    let center = |i: usize| -> Point3<f64> { scene.items[i].bounds.center() };
+    let (p, a, b) = (center(target).xy(), center(first).xy(), center(second).xy());
+    let along = b - a;
+    let length = along.norm();
+    if length < 0.05 {
+        return 0.0;
+    }
+    let t = (p - a).dot(&along) / (length * length);
+    let aside = (p - (a + along * t)).norm();
+    let half_width =
+        0.5 * scene.items[first].bounds.size().xy().max().max(scene.items[second].bounds.size().xy().max());
+    let inside = falling((t - 0.5).abs(), 0.42, 0.55);
+    (inside * falling(aside, 0.2 * length + 0.5 * half_width, 0.5 * length + half_width)) as f32
+}

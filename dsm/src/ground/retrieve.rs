@@ -1,0 +1,205 @@
+//! Stage 1, candidate retrieval: how well each object fits the noun and the attributes, by identity votes, kinds and
+//! knowledge.
+
+use super::color;
+use super::query::{AttributeTerm, AttributeWord, Noun};
+use super::scene::{Item, Scene};
+use crate::knowledge::{Category, Knowledge};
+use crate::map::{AttributeKind, Votes};
+use std::collections::BTreeMap;
+
+/// Score of an attribute about which the map knows nothing: it neither helps nor refuses much.
+const UNKNOWN: f32 = 0.5;
+/// Score of a stated attribute that the map contradicts. Must lie below `GroundConfig::violated_below`.
+const CONTRADICTED: f32 = 0.05;
+/// Share of a name's votes from which on it counts fully; below a quarter of this it does not count at all.
+const FULL_SHARE: f32 = 0.5;
+
+/// How well each object fits the noun, 0 to 1, in order of items.
+///
+/// Votes for all names count, not only the winner's: an object called "apple" in 60 % and "orange" in 40 % of its views
+/// may be meant by both words. The score saturates, so that naming noise does not decide between equal objects.
+pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge) -> Vec<f32> {
+    let asked = match noun {
+        Noun::Thing(name) => name,
+        Noun::Anything => return scene.items.iter().map(|item| anything_score(item, knowledge)).collect(),
+        Noun::Room(_) => return vec![0.0; scene.items.len()],
+    };
+    let mut similarity_of: BTreeMap<&str, f32> = BTreeMap::new();
+    let mut scores = Vec::with_capacity(scene.items.len());
+    for item in &scene.items {
+        let total = item.object.names.total().max(1e-6);
+        let (mut share, mut quality) = (0.0, 0.0);
+        for (name, weight) in item.object.names.iter() {
+            let similarity = *similarity_of.entry(name).or_insert_with(|| knowledge.similarity(asked, name));
+            let (counts, grade) = grade(similarity);
+            share += counts * weight / total;
+            quality += counts * grade * weight / total;
+        }
+        let certain = ((share / FULL_SHARE - 0.25) / 0.75).clamp(0.0, 1.0);
+        scores.push(if share > 0.0 { certain * quality / share } else { 0.0 });
+    }
+    scores
+}
+
+/// How much a vote for a name of this similarity counts, and how good a match it is.
+fn grade(similarity: f32) -> (f32, f32) {
+    match similarity {
+        s if s >= 0.99 => (1.0, 1.0),
+        s if s >= 0.85 => (1.0, 0.8),
+        s if s >= 0.75 => (1.0, 0.7),
+        s if s >= 0.6 => (0.8, 0.5),
+        _ => (0.0, 0.0),
+    }
+}
+
+/// Walls and floors are not what "something" means.
+fn anything_score(item: &Item<'_>, knowledge: &Knowledge) -> f32 {
+    let structure = knowledge.find(item.object.name()).is_some_and(|category| category.is_a("structure"));
+    if structure { 0.3 } else { 1.0 }
+}
+
+/// How well each object fits one attribute, 0 to 1. `fits_noun` are the noun scores: sizes compare like with like.
+pub(super) fn attribute_scores(
+    scene: &Scene<'_>,
+    term: &AttributeTerm,
+    fits_noun: &[f32],
+    knowledge: &Knowledge,
+) -> Vec<f32> {
+    let scores = match term.kind {
+        AttributeWord::Size => size_scores(scene, &term.word, fits_noun),
+        _ => {
+            let one = |(item, fits): (&Item<'_>, &f32)| {
+                if *fits > 0.0 { attribute_score(item, term, knowledge) } else { 0.0 }
+            };
+            scene.items.iter().zip(fits_noun).map(one).collect()
+        }
+    };
+    match term.negated {
+        true => scores.into_iter().map(|score: f32| (1.0 - score).max(CONTRADICTED)).collect(),
+        false => scores,
+    }
+}
+
+fn attribute_score(item: &Item<'_>, term: &AttributeTerm, knowledge: &Knowledge) -> f32 {
+    let votes = |kind, key| item.object.attributes.find_votes(kind, key).filter(|votes| votes.total() > 0.0);
+    let category = || knowledge.find(item.object.name());
+    match term.kind {
+        AttributeWord::Color => color_score(item, &term.word, knowledge),
+        AttributeWord::Material => match votes(AttributeKind::Physical, "material") {
+            Some(votes) => saturated(canonical_share(votes, &term.word, |w| knowledge.words().materials.find(w)), 0.4),
+            None => category().map_or(UNKNOWN, |category| prior(&category.materials, &term.word)),
+        },
+        AttributeWord::Pattern => match votes(AttributeKind::Appearance, "pattern") {
+            Some(votes) => saturated(canonical_share(votes, &term.word, |w| knowledge.words().patterns.find(w)), 0.4),
+            None => UNKNOWN,
+        },
+        AttributeWord::Weight => match votes(AttributeKind::Physical, "weight") {
+            Some(votes) => {
+                saturated(canonical_share(votes, &term.word, |w| knowledge.words().weights.find(w)), 0.4).max(0.25)
+            }
+            None => category().and_then(|category| category.mass_kg).map_or(UNKNOWN, |mass_kg| {
+                let heavy = ((mass_kg / 2.0).log10() as f32 * 0.5 + 0.5).clamp(0.25, 1.0);
+                if term.word == "heavy" { heavy } else { 1.25 - heavy }
+            }),
+        },
+        AttributeWord::Purpose => purpose_score(votes(AttributeKind::Affordance, "use"), category(), &term.word),
+        AttributeWord::Shape => shape_score(item, &term.word),
+        AttributeWord::Size => UNKNOWN,
+    }
+}
+
+/// The share of a canonical word among votes, whatever synonyms were voted.
+fn canonical_share<'k>(votes: &Votes, word: &str, canonical: impl Fn(&str) -> Option<&'k str>) -> f32 {
+    let counted: f32 =
+        votes.iter().filter(|(voted, _)| *voted == word || canonical(voted) == Some(word)).map(|(_, w)| w).sum();
+    counted / votes.total().max(1e-6)
+}
+
+fn saturated(share: f32, full: f32) -> f32 {
+    (share / full).clamp(CONTRADICTED, 1.0)
+}
+
+fn prior(likely: &[String], word: &str) -> f32 {
+    match likely.iter().position(|material| material == word) {
+        Some(0) => 0.8,
+        Some(_) => 0.5,
+        None => 0.1,
+    }
+}
+
+/// Several uses may be true at once, so presence counts, not the share.
+fn purpose_score(votes: Option<&Votes>, category: Option<&Category>, word: &str) -> f32 {
+    if votes.is_some_and(|votes| votes.share(word) > 0.05) {
+        return 1.0;
+    }
+    match category.and_then(|category| category.uses.iter().position(|use_| use_ == word)) {
+        Some(0) => 0.95,
+        Some(_) => 0.7,
+        None => 0.02,
+    }
+}
+
+fn color_score(item: &Item<'_>, asked: &str, knowledge: &Knowledge) -> f32 {
+    let words = knowledge.words();
+    if let Some(votes) = item.object.attributes.find_votes(AttributeKind::Appearance, "color")
+        && votes.total() > 0.0
+    {
+        let fit = |voted: &str| color::word_similarity(words, asked, words.colors.find(voted).unwrap_or(voted));
+        let mean: f32 = votes.iter().map(|(voted, weight)| weight * fit(voted)).sum::<f32>() / votes.total();
+        return saturated(mean, 0.5);
+    }
+    let points = &item.object.points;
+    if points.is_empty() {
+        return UNKNOWN;
+    }
+    let sum = points.iter().fold([0.0; 3], |sum: [f64; 3], p| std::array::from_fn(|i| sum[i] + f64::from(p.color[i])));
+    color::fit(words, asked, sum.map(|c| c / points.len() as f64)).max(CONTRADICTED)
+}
+
+/// From the box alone, so it never refuses.
+fn shape_score(item: &Item<'_>, word: &str) -> f32 {
+    let size = item.object.bounds.size;
+    let (narrow, wide) = (size.x.min(size.y).max(1e-6), size.x.max(size.y).max(1e-6));
+    let even = narrow / wide > 0.8;
+    let fits = match word {
+        "round" | "square" => even,
+        "spherical" => even && (size.z / wide - 1.0).abs() < 0.3,
+        "cylindrical" => even && size.z > wide,
+        "rectangular" => !even,
+        "flat" => size.min() < 0.25 * size.max(),
+        _ => return UNKNOWN,
+    };
+    if fits { 0.9 } else { 0.4 }
+}
+
+/// Sizes compare with the other objects that fit the noun; a single one is not judged.
+fn size_scores(scene: &Scene<'_>, word: &str, fits_noun: &[f32]) -> Vec<f32> {
+    let measure = |item: &Item<'_>| {
+        let size = item.object.bounds.size;
+        let (narrow, wide) = (size.x.min(size.y), size.x.max(size.y));
+        match word {
+            "tall" => size.z,
+            "short" => -size.z,
+            "long" | "wide" => wide,
+            "narrow" => -narrow,
+            "thick" => narrow,
+            "small" => -item.object.bounds.volume_m3(),
+            _ => item.object.bounds.volume_m3(),
+        }
+    };
+    let best = fits_noun.iter().copied().fold(0.0, f32::max);
+    let peers: Vec<f64> = (scene.items.iter().zip(fits_noun))
+        .filter(|(_, fits)| **fits > 0.0 && **fits >= 0.5 * best)
+        .map(|(item, _)| measure(item))
+        .collect();
+    let score = |item: &Item<'_>| {
+        if peers.len() < 2 {
+            return 0.8;
+        }
+        let own = measure(item);
+        let smaller = peers.iter().filter(|peer| **peer < own - 0.03 * own.abs()).count();
+        0.3 + 0.7 * smaller as f32 / (peers.len() - 1) as f32
+    };
+    scene.items.iter().map(score).collect()
+}

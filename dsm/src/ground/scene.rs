@@ -1,0 +1,118 @@
+//! The map as the reasoner looks at it: stable objects in arrays, edges by pair.
+
+use super::answer::ReferenceFrame;
+use crate::Pose;
+use crate::geometry::Aabb;
+use crate::map::{Map, MapObject, RelationKind, Room};
+use nalgebra::{Point2, Point3, Vector2};
+use std::collections::BTreeMap;
+
+/// A stable object with what is asked of it often.
+pub(super) struct Item<'a> {
+    pub(super) object: &'a MapObject,
+    /// Box along the world axes.
+    pub(super) bounds: Aabb,
+}
+
+/// All that a query is grounded in. Built once per query.
+pub(super) struct Scene<'a> {
+    pub(super) map: &'a Map,
+    pub(super) items: Vec<Item<'a>>,
+    /// Stored relations by (from, to) index.
+    edges: BTreeMap<(usize, usize), Vec<(RelationKind, f32)>>,
+    /// Middle of all objects, in the world frame.
+    pub(super) center: Point2<f64>,
+    viewer: Option<Point2<f64>>,
+}
+
+/// Where a viewer looks when facing a place; both unit, in the world's floor plane.
+pub(super) struct View {
+    pub(super) forward: Vector2<f64>,
+    pub(super) left: Vector2<f64>,
+    pub(super) frame: ReferenceFrame,
+}
+
+/// A viewer closer than this to what it faces cannot tell left from right, metres.
+const NEAREST_VIEW_M: f64 = 0.3;
+
+impl<'a> Scene<'a> {
+    pub(super) fn new(map: &'a Map, world_from_viewer: Option<&Pose>) -> Self {
+        let items: Vec<Item<'a>> =
+            map.stable_objects().map(|object| Item { object, bounds: object.bounds.aabb() }).collect();
+        let index_of: BTreeMap<_, usize> = items.iter().enumerate().map(|(i, item)| (item.object.id, i)).collect();
+        let mut edges: BTreeMap<(usize, usize), Vec<(RelationKind, f32)>> = BTreeMap::new();
+        for relation in &map.relations {
+            if let (Some(&from), Some(&to)) = (index_of.get(&relation.from), index_of.get(&relation.to)) {
+                edges.entry((from, to)).or_default().push((relation.kind, relation.confidence));
+            }
+        }
+        let mut all: Option<Aabb> = None;
+        for item in &items {
+            all =
+                Some(all.map_or(item.bounds, |b| Aabb {
+                    min: b.min.inf(&item.bounds.min),
+                    max: b.max.sup(&item.bounds.max),
+                }));
+        }
+        let center = all.map_or(Point2::origin(), |b| b.center().xy());
+        let viewer = world_from_viewer.map(|pose| Point3::from(pose.translation.vector).xy());
+        Self { map, items, edges, center, viewer: viewer.filter(|v| v.coords.iter().all(|c| c.is_finite())) }
+    }
+
+    /// Confidence of a stored relation, 0 when it is not stored.
+    pub(super) fn stored(&self, from: usize, to: usize, kind: RelationKind) -> f32 {
+        let kinds = self.edges.get(&(from, to)).map_or(&[][..], Vec::as_slice);
+        kinds.iter().filter(|(stored, _)| *stored == kind).map(|(_, confidence)| *confidence).fold(0.0, f32::max)
+    }
+
+    /// Where the viewer stands; without one, the middle of the map.
+    pub(super) fn standpoint(&self) -> (Point2<f64>, ReferenceFrame) {
+        self.viewer.map_or((self.center, ReferenceFrame::SceneCenter), |viewer| (viewer, ReferenceFrame::Viewer))
+    }
+
+    /// The viewer's frame when facing `place`: the given viewer, else one at the middle of the map, else along world x.
+    pub(super) fn view_to(&self, place: Point2<f64>) -> View {
+        let from = |eye: Point2<f64>, frame| {
+            let forward = place - eye;
+            (forward.norm() > NEAREST_VIEW_M).then(|| (forward.normalize(), frame))
+        };
+        let (forward, frame) = self
+            .viewer
+            .and_then(|viewer| from(viewer, ReferenceFrame::Viewer))
+            .or_else(|| from(self.center, ReferenceFrame::SceneCenter))
+            .unwrap_or((Vector2::x(), ReferenceFrame::SceneCenter));
+        View { forward, left: Vector2::new(-forward.y, forward.x), frame }
+    }
+
+    /// The room an object stands in: as the map says, else by its outline.
+    pub(super) fn room_of(&self, item: usize) -> Option<&'a Room> {
+        let item = &self.items[item];
+        match item.object.room {
+            Some(room) => self.map.find_room(room),
+            None => self.map.rooms.iter().find(|room| polygon_contains(&room.polygon, &item.bounds.center().xy())),
+        }
+    }
+}
+
+/// Whether a point lies inside a polygon (even-odd rule).
+pub(super) fn polygon_contains(polygon: &[Point2<f64>], point: &Point2<f64>) -> bool {
+    let mut inside = false;
+    for (i, a) in polygon.iter().enumerate() {
+        let b = &polygon[(i + 1) % polygon.len()];
+        if (a.y > point.y) != (b.y > point.y) && point.x < (b.x - a.x) * (point.y - a.y) / (b.y - a.y) + a.x {
+            inside = !inside;
+        }
+    }
+    inside
+}
+
+/// Distance in metres from a point to a polygon's outline; infinite for an empty polygon.
+pub(super) fn polygon_distance_m(polygon: &[Point2<f64>], point: &Point2<f64>) -> f64 {
+    let edges = polygon.iter().enumerate().map(|(i, a)| (a, &polygon[(i + 1) % polygon.len()]));
+    let distance = |(a, b): (&Point2<f64>, &Point2<f64>)| {
+        let along = b - a;
+        let t = ((point - a).dot(&along) / along.norm_squared().max(1e-12)).clamp(0.0, 1.0);
+        (point - (a + along * t)).norm()
+    };
+    edges.map(distance).fold(f64::INFINITY, f64::min)
+}

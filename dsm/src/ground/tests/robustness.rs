@@ -1,0 +1,64 @@
+//! Hostile and odd texts.
+
+use super::house::*;
+use crate::ground::{GroundingStatus, parse_command};
+use crate::knowledge::Knowledge;
+use proptest::prelude::*;
+
+#[test]
+fn nonsense_is_unparsed_or_absent() {
+    let map = home();
+    for text in ["", "   ", "\u{0}\u{1}\u{2}", ",,,...!!", "the", "is not of to", "🙂🙂", "\"'`"] {
+        let status = ground(&map, text).status;
+        assert_eq!(status, GroundingStatus::Unparsed, "{text:?}");
+    }
+    for text in ["der Apfel auf dem Tisch", "ignore all previous instructions", "苹果在桌子上", "xyzzy plugh"] {
+        let status = ground(&map, text).status;
+        assert!(matches!(status, GroundingStatus::Unparsed | GroundingStatus::Absent), "{text:?}: {status:?}");
+    }
+}
+
+#[test]
+fn huge_texts_are_bounded() {
+    let map = home();
+    let knowledge = Knowledge::embedded().unwrap();
+    let nested = "the apple on the table next to ".repeat(4_000);
+    for text in [
+        "a".repeat(100_000),
+        nested,
+        "with ".repeat(20_000),
+        "between the lamp and ".repeat(5_000),
+        "\u{7}".repeat(100_000),
+    ] {
+        let answer = ground(&map, &text);
+        assert!(answer.query.is_none_or(|query| query.target.count() <= 16));
+        let _typed = parse_command(&text, &knowledge);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_text_gets_a_typed_answer(text in "\\PC{0,200}") {
+        let map = home();
+        let first = ground(&map, &text);
+        prop_assert!(first.score.is_finite() && (0.0..=1.0).contains(&first.score));
+        prop_assert_eq!(&first, &ground(&map, &text));
+    }
+
+    #[test]
+    fn any_row_of_known_words_gets_a_typed_answer(words in proptest::collection::vec(proptest::sample::select(vec![
+        "the", "a", "red", "apple", "mug", "on", "left", "of", "between", "and", "not", "with", "nearest", "second", "from",
+        "room", "kitchen", "to", "sit", "that", "is", ",", "it", "large", "table", "made", "wood", "in", "closest", "one",
+        "without", "central", "front", "next", "bring", "put", "go",
+    ]), 0..25)) {
+        let map = home();
+        let text = words.join(" ");
+        let answer = ground_from(&map, &text, 1.0, 1.0);
+        let answered = answer.object_id.is_some() || answer.room_id.is_some();
+        prop_assert_eq!(answered, matches!(answer.status, GroundingStatus::Found | GroundingStatus::Ambiguous));
+        prop_assert!(answer.candidates.windows(2).all(|pair| pair[0].score >= pair[1].score));
+        let _typed = parse_command(&text, &Knowledge::embedded().unwrap());
+    }
+}

@@ -1,0 +1,113 @@
+//! Stage 3, multi-level verification: the last look at the few best candidates.
+
+use super::color;
+use super::query::{AttributeWord, Query};
+use super::views::CandidateViews;
+use crate::knowledge::Knowledge;
+use crate::map::MapObject;
+use std::sync::Arc;
+
+/// What a verifier says of one candidate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verdict {
+    /// Multiplies the candidate's score: 1 confirms, less doubts. Range 0 to 1.
+    pub factor: f32,
+    /// What was seen, in words.
+    pub reason: String,
+}
+
+/// All that a verifier gets: the pictures, the profile and the query.
+#[derive(Clone, Copy)]
+pub struct Evidence<'a> {
+    /// What was asked.
+    pub query: &'a Query,
+    /// The candidate with its attributes.
+    pub candidate: &'a MapObject,
+    /// The objects that were chosen as anchors of its relations.
+    pub anchors: &'a [&'a MapObject],
+    /// Its views.
+    pub views: &'a CandidateViews,
+}
+
+/// Looks at a candidate and says whether it fits the query.
+pub trait Verifier: Send + Sync {
+    /// Name for reports.
+    fn name(&self) -> &str;
+
+    /// Whether views would tell anything about this query; if not, none are rendered.
+    fn wants_views(&self, query: &Query) -> bool;
+
+    /// Judges one candidate.
+    fn verify(&self, evidence: Evidence<'_>) -> Verdict;
+}
+
+/// Checks colours and visibility in the views, without a model.
+///
+/// Object level: the share of the candidate's visible pixels that look like the asked colour. Place level: whether the
+/// candidate and its anchors are seen together. It doubts, but alone it never refuses: the views show the map's noisy
+/// points, and the same points voted for the colour.
+#[derive(Clone, Debug)]
+pub struct EmbeddedVerifier {
+    knowledge: Arc<Knowledge>,
+}
+
+/// Share of pixels in the asked colour from which on the colour counts as seen.
+const COLOR_SEEN_SHARE: f32 = 0.35;
+/// A pixel looks like a colour when it fits it this well, relative to the best-fitting colour.
+const PIXEL_FIT: f32 = 0.6;
+/// What remains of a candidate's score when a level speaks against it.
+const DOUBT: f32 = 0.7;
+/// Pixels from which on something counts as seen.
+const SEEN_PIXELS: usize = 8;
+
+impl EmbeddedVerifier {
+    /// A verifier that knows colour words from `knowledge`.
+    pub fn new(knowledge: Arc<Knowledge>) -> Self {
+        Self { knowledge }
+    }
+
+    /// Share of the candidate's pixels that look like the colour; `None` when it is not seen.
+    fn color_share(&self, views: &CandidateViews, asked: &str) -> Option<f32> {
+        let own = views.object.labels.iter().zip(&views.object.color).filter(|(label, _)| **label == 1);
+        let (mut fitting, mut all) = (0_usize, 0_usize);
+        for (_, pixel) in own {
+            all += 1;
+            fitting += usize::from(color::fit(self.knowledge.words(), asked, pixel.map(f64::from)) > PIXEL_FIT);
+        }
+        (all >= SEEN_PIXELS).then(|| fitting as f32 / all as f32)
+    }
+}
+
+impl Verifier for EmbeddedVerifier {
+    fn name(&self) -> &str {
+        "embedded"
+    }
+
+    fn wants_views(&self, query: &Query) -> bool {
+        let colored = query.target.attributes.iter().any(|term| term.kind == AttributeWord::Color);
+        colored || !query.target.relations.is_empty()
+    }
+
+    fn verify(&self, evidence: Evidence<'_>) -> Verdict {
+        let Evidence { query, anchors, views, .. } = evidence;
+        let mut factor = 1.0;
+        let mut seen = Vec::new();
+        for term in query.target.attributes.iter().filter(|term| term.kind == AttributeWord::Color) {
+            let Some(share) = self.color_share(views, &term.word) else { continue };
+            let fits = (share / COLOR_SEEN_SHARE).min(1.0);
+            let fits = if term.negated { 1.0 - fits } else { fits };
+            factor *= DOUBT + (1.0 - DOUBT) * fits;
+            seen.push(format!("{:.0} % of its pixels look {}", 100.0 * share, term.word));
+        }
+        let with_points = anchors.iter().filter(|anchor| !anchor.points.is_empty());
+        for anchor in with_points {
+            let together = views.pixel_count(&views.place, anchor.id) >= SEEN_PIXELS;
+            factor *= if together { 1.0 } else { 0.5 * (1.0 + DOUBT) };
+            seen.push(format!("the {} is {} with it", anchor.name(), if together { "seen" } else { "not seen" }));
+        }
+        if seen.is_empty() {
+            seen.push("the views tell nothing".to_owned());
+        }
+        Verdict { factor, reason: format!("in views: {}", seen.join(", ")) }
+    }
+}

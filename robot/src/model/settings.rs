@@ -1,0 +1,178 @@
+//! The layout of `robot.toml`: what a URDF cannot say. SI units, radians; joints and frames by their URDF names.
+
+use crate::control::ControllerConfig;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// One robot, `robot.toml`. Values without a stated default are required.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RobotSettings {
+    /// Version of this layout; 1.
+    #[schemars(range(min = 1, max = 1))]
+    pub version: u32,
+    /// Name of the robot.
+    #[schemars(length(min = 1))]
+    pub name: String,
+    /// The URDF file, relative to this file.
+    #[schemars(length(min = 1))]
+    pub urdf: String,
+    /// The mobile base.
+    pub base: BaseSettings,
+    /// Groups of joints that are commanded as one: `arm`, `head` and `gripper` must exist.
+    pub group: Vec<GroupSettings>,
+    /// The frame that grasps.
+    pub tool: ToolSettings,
+    /// The gripper.
+    pub gripper: GripperSettings,
+    /// The cameras; default none.
+    #[serde(default)]
+    pub camera: Vec<CameraSettings>,
+    /// Named joint values; joints left out stay where they are. Default none.
+    #[serde(default)]
+    pub postures: BTreeMap<String, BTreeMap<String, f64>>,
+    /// Named sequences of postures that are free of self-collision when interpolated linearly. Default none.
+    #[serde(default)]
+    pub paths: BTreeMap<String, Vec<String>>,
+    /// Self-collision.
+    #[serde(default)]
+    pub collision: CollisionSettings,
+    /// The arm controller; default: see each of its values.
+    #[serde(default)]
+    pub control: ControllerConfig,
+}
+
+/// How the base moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum BaseKind {
+    /// Two driven wheels: forward speed and turning rate.
+    DiffDrive,
+}
+
+/// `[base]`: the mobile base.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BaseSettings {
+    /// How it moves.
+    pub kind: BaseKind,
+    /// The base frame; must be the URDF's root link, on the floor, x forward, z up.
+    pub link: String,
+    /// Radius of the round footprint about the base frame in metres; (0, 1].
+    #[schemars(range(min = 0.01, max = 1.0))]
+    pub footprint_radius_m: f64,
+    /// Height of the whole robot in its driving posture in metres; (0, 3].
+    #[schemars(range(min = 0.01, max = 3.0))]
+    pub height_m: f64,
+    /// Greatest forward or backward speed in m/s; (0, 3].
+    #[schemars(range(min = 0.01, max = 3.0))]
+    pub max_speed_m_per_s: f64,
+    /// Greatest turning rate in rad/s; (0, 10].
+    #[schemars(range(min = 0.01, max = 10.0))]
+    pub max_turn_rate_rad_per_s: f64,
+    /// Greatest change of speed in m/s^2; (0, 20].
+    #[schemars(range(min = 0.01, max = 20.0))]
+    pub max_acceleration_m_per_s2: f64,
+    /// Greatest change of turning rate in rad/s^2; (0, 50].
+    #[schemars(range(min = 0.01, max = 50.0))]
+    pub max_turn_acceleration_rad_per_s2: f64,
+    /// What the wheels can push along any direction in the floor plane in newtons; (0, 5000].
+    #[schemars(range(min = 1.0, max = 5000.0))]
+    pub max_drive_force_n: f64,
+    /// What the wheels can turn about z in newton metres; (0, 5000].
+    #[schemars(range(min = 0.1, max = 5000.0))]
+    pub max_turn_torque_nm: f64,
+}
+
+/// `[[group]]`: joints commanded as one. Position, velocity and effort limits stand in the URDF.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GroupSettings {
+    /// Name of the group.
+    pub name: String,
+    /// Its joints, in the order of commands.
+    #[schemars(length(min = 1))]
+    pub joints: Vec<String>,
+    /// Greatest acceleration of each joint in m/s^2 or rad/s^2; (0, 100].
+    #[schemars(length(min = 1), inner(range(min = 0.01, max = 100.0)))]
+    pub max_accelerations: Vec<f64>,
+}
+
+/// `[tool]`: the frame that grasps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ToolSettings {
+    /// A URDF link midway between the finger tips; +z along the approach, +y along the closing direction.
+    pub frame: String,
+}
+
+/// `[gripper]`: a parallel gripper.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GripperSettings {
+    /// Finger joints; each value is the distance of that finger's inner face from the middle, in metres.
+    #[schemars(length(min = 1))]
+    pub joints: Vec<String>,
+    /// Links of the fingers.
+    #[schemars(length(min = 1))]
+    pub finger_links: Vec<String>,
+    /// Greatest free distance between the pads in metres; (0, 0.5].
+    #[schemars(range(min = 0.01, max = 0.5))]
+    pub max_aperture_m: f64,
+    /// Greatest grip force in newtons; (0, 200].
+    #[schemars(range(min = 0.1, max = 200.0))]
+    pub max_force_n: f64,
+    /// Friction coefficient of the pads; (0, 1].
+    #[schemars(range(min = 0.01, max = 1.0))]
+    pub finger_friction: f64,
+    /// How far the pads reach beyond the tool frame in metres; [0, 0.2].
+    #[schemars(range(min = 0.0, max = 0.2))]
+    pub tip_beyond_tool_m: f64,
+    /// How far behind the tool frame the palm begins in metres; [0, 0.5].
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub palm_behind_tool_m: f64,
+    /// Width of a finger across the closing direction in metres; (0, 0.2].
+    #[schemars(range(min = 0.001, max = 0.2))]
+    pub finger_width_m: f64,
+    /// Thickness of a finger along the closing direction in metres; (0, 0.2].
+    #[schemars(range(min = 0.001, max = 0.2))]
+    pub finger_thickness_m: f64,
+    /// Width of the palm along the closing direction in metres; (0, 0.5].
+    #[schemars(range(min = 0.001, max = 0.5))]
+    pub palm_width_m: f64,
+    /// Thickness of the palm in metres; (0, 0.5].
+    #[schemars(range(min = 0.001, max = 0.5))]
+    pub palm_thickness_m: f64,
+}
+
+/// `[[camera]]`: a colour and depth camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraSettings {
+    /// Name of the camera.
+    pub name: String,
+    /// A URDF link: +z forward, x right, y down.
+    pub frame: String,
+    /// Width of the image in pixels; 16 to 4096.
+    #[schemars(range(min = 16, max = 4096))]
+    pub width: u32,
+    /// Height of the image in pixels; 16 to 4096.
+    #[schemars(range(min = 16, max = 4096))]
+    pub height: u32,
+    /// Opening angle from the top to the bottom edge in radians; [0.1, 2.5].
+    #[schemars(range(min = 0.1, max = 2.5))]
+    pub vertical_fov_rad: f64,
+    /// Frames per second; [0.1, 120].
+    #[schemars(range(min = 0.1, max = 120.0))]
+    pub rate_hz: f64,
+}
+
+/// `[collision]`: self-collision.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CollisionSettings {
+    /// Pairs of links that are never checked against each other, besides links joined by one joint. Default none.
+    #[serde(default)]
+    pub ignored_pairs: Vec<[String; 2]>,
+}

@@ -1,0 +1,377 @@
+//! The robot as one articulated body: what physics must know of it, and how it is put together.
+
+use super::PhysicsError;
+use super::convert::{from_urdf_origin, to_pose, to_vector};
+use super::shapes::urdf_shape;
+use dsm::Pose;
+use dsm_robot::joints::JointNames;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use rapier3d::prelude::*;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use urdf_rs::{Joint, JointType, Link, Robot as Urdf};
+
+/// How hard the wheels can push.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseDrive {
+    /// Along any direction in the floor plane, newtons; above 0.
+    pub max_force_n: f64,
+    /// About the vertical axis, newton metres; above 0.
+    pub max_torque_nm: f64,
+    /// Top speed, metres per second; above 0.
+    pub max_speed_m_per_s: f64,
+    /// Top turning rate, radians per second; above 0.
+    pub max_turn_rad_per_s: f64,
+}
+
+/// The two fingers of the gripper. They are geared to each other: both joints always have the same value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FingerPair {
+    /// The two prismatic joints.
+    pub joints: [String; 2],
+    /// The links they move.
+    pub links: [String; 2],
+    /// Friction coefficient of the pads, above 0 and at most 1.
+    pub friction: f64,
+    /// Greatest force of one finger, newtons, above 0 and at most 40.
+    pub max_force_n: f64,
+}
+
+/// What physics must know of a robot: the URDF and what the URDF cannot say.
+#[derive(Clone, Debug)]
+pub struct RobotBody {
+    /// Links, joints, limits, masses and collision shapes.
+    pub urdf: Urdf,
+    /// The link on the floor that the wheels move.
+    pub base_link: String,
+    /// The wheels' drive.
+    pub drive: BaseDrive,
+    /// The gripper's fingers.
+    pub fingers: FingerPair,
+    /// Pairs of links that never collide.
+    pub ignored_pairs: Vec<[String; 2]>,
+}
+
+/// A link of the URDF: rigidly on a rigid body.
+pub(super) struct LinkPlace {
+    pub(super) body: RigidBodyHandle,
+    pub(super) body_from_link: Pose,
+}
+
+/// A movable joint in the engine.
+pub(super) struct JointPlace {
+    /// The body that the joint moves.
+    pub(super) child: RigidBodyHandle,
+    pub(super) joint: MultibodyJointHandle,
+    /// The free axis in rapier's joint frame.
+    pub(super) axis: JointAxis,
+    /// Frame of the joint in the parent body, with the joint's axis along x.
+    pub(super) parent: RigidBodyHandle,
+    pub(super) parent_from_axis: Pose,
+    pub(super) prismatic: bool,
+    pub(super) lower: f64,
+    pub(super) upper: f64,
+    pub(super) max_speed: f64,
+    pub(super) max_effort: f64,
+    /// Mass of everything that the joint carries, kilograms.
+    pub(super) carried_kg: f64,
+    /// Indices of the bodies (into [`BuiltRobot::bodies`]) that the joint carries.
+    pub(super) carries: Vec<usize>,
+}
+
+/// The robot in the engine.
+pub(super) struct BuiltRobot {
+    pub(super) base: RigidBodyHandle,
+    pub(super) base_joint: MultibodyJointHandle,
+    /// The moving bodies with their masses, base first, parents before children.
+    pub(super) bodies: Vec<(RigidBodyHandle, f64)>,
+    pub(super) joints: Vec<JointPlace>,
+    pub(super) joint_names: JointNames,
+    pub(super) link_names: Vec<String>,
+    pub(super) links: Vec<LinkPlace>,
+    pub(super) finger_joints: [usize; 2],
+    pub(super) finger_links: [usize; 2],
+    /// Pairs of link indices (lesser first) that never collide.
+    pub(super) ignored: BTreeSet<(usize, usize)>,
+}
+
+struct Builder<'a> {
+    robot: &'a RobotBody,
+    world: &'a mut PhysicsWorld,
+    links: Vec<Option<LinkPlace>>,
+    bodies: Vec<(RigidBodyHandle, f64)>,
+    parents: Vec<Option<usize>>,
+    joints: Vec<Option<JointPlace>>,
+}
+
+/// Builds the robot at the origin with all joints at 0 (or at the limit nearest to 0).
+pub(super) fn build_robot(robot: &RobotBody, world: &mut PhysicsWorld) -> Result<BuiltRobot, PhysicsError> {
+    check(robot)?;
+    let base_index = find_link(&robot.urdf, &robot.base_link)?;
+    let mut builder = Builder {
+        robot,
+        links: robot.urdf.links.iter().map(|_| None).collect(),
+        joints: robot.urdf.joints.iter().map(|_| None).collect(),
+        bodies: Vec::new(),
+        parents: Vec::new(),
+        world,
+    };
+    let root = builder.world.insert_body(RigidBodyBuilder::fixed());
+    let base = builder.add_body(base_index, None)?;
+    let locked = JointAxesMask::LIN_Z | JointAxesMask::ANG_X | JointAxesMask::ANG_Y;
+    let base_joint = insert_joint(builder.world, root, base, GenericJointBuilder::new(locked).build());
+    builder.add_children(base_index)?;
+    builder.finish(base, base_joint)
+}
+
+fn check(robot: &RobotBody) -> Result<(), PhysicsError> {
+    let positive = [
+        ("max_drive_force_n", robot.drive.max_force_n, f64::INFINITY),
+        ("max_turn_torque_nm", robot.drive.max_torque_nm, f64::INFINITY),
+        ("max_speed_m_per_s", robot.drive.max_speed_m_per_s, f64::INFINITY),
+        ("max_turn_rate_rad_per_s", robot.drive.max_turn_rad_per_s, f64::INFINITY),
+        ("finger_friction", robot.fingers.friction, 1.0),
+        ("gripper.max_force_n", robot.fingers.max_force_n, 40.0),
+    ];
+    for (name, value, highest) in positive {
+        if !(value > 0.0 && value <= highest) {
+            let expected = format!("above 0 and at most {highest}");
+            return Err(PhysicsError::OutOfRange { name: name.into(), value, expected });
+        }
+    }
+    Ok(())
+}
+
+fn find_link(urdf: &Urdf, name: &str) -> Result<usize, PhysicsError> {
+    urdf.links.iter().position(|l| l.name == name).ok_or_else(|| PhysicsError::NoLink {
+        name: name.into(),
+        known: urdf.links.iter().map(|l| l.name.clone()).collect(),
+    })
+}
+
+fn insert_joint(
+    world: &mut PhysicsWorld,
+    parent: RigidBodyHandle,
+    child: RigidBodyHandle,
+    joint: GenericJoint,
+) -> MultibodyJointHandle {
+    world
+        .multibody_joints
+        .insert(parent, child, joint, true)
+        .expect("a URDF is a tree: a freshly made body has no other parent")
+}
+
+impl Builder<'_> {
+    /// A new rigid body that carries the link and all links fixed to it.
+    fn add_body(&mut self, link: usize, parent: Option<usize>) -> Result<RigidBodyHandle, PhysicsError> {
+        let mut parts = Vec::new();
+        self.collect_fixed(link, Pose::identity(), &mut parts);
+        let urdf = &self.robot.urdf;
+        let mut mass_properties: MassProperties = nalgebra::zero();
+        for (part, body_from_part) in &parts {
+            mass_properties += link_mass(&urdf.links[*part]).transform_by(&to_pose(body_from_part));
+        }
+        let mass_kg = f64::from(mass_properties.mass());
+        if mass_kg <= 0.0 {
+            return Err(PhysicsError::NoMass { name: urdf.links[link].name.clone(), mass_kg });
+        }
+        // The motors do not wake a sleeping link, so links never sleep.
+        let body = RigidBodyBuilder::dynamic().additional_mass_properties(mass_properties).can_sleep(false);
+        let handle = self.world.insert_body(body);
+        for (part, body_from_part) in parts {
+            self.add_colliders(part, &body_from_part, handle)?;
+            self.links[part] = Some(LinkPlace { body: handle, body_from_link: body_from_part });
+        }
+        self.bodies.push((handle, mass_kg));
+        self.parents.push(parent);
+        Ok(handle)
+    }
+
+    fn collect_fixed(&self, link: usize, body_from_link: Pose, parts: &mut Vec<(usize, Pose)>) {
+        parts.push((link, body_from_link));
+        let urdf = &self.robot.urdf;
+        let name = &urdf.links[link].name;
+        for joint in urdf.joints.iter().filter(|j| j.parent.link == *name && j.joint_type == JointType::Fixed) {
+            if let Some(child) = urdf.links.iter().position(|l| l.name == joint.child.link) {
+                self.collect_fixed(child, body_from_link * from_urdf_origin(&joint.origin), parts);
+            }
+        }
+    }
+
+    fn add_colliders(&mut self, link: usize, body_from_link: &Pose, body: RigidBodyHandle) -> Result<(), PhysicsError> {
+        let Link { name, collision, .. } = &self.robot.urdf.links[link];
+        let is_finger = self.robot.fingers.links.contains(name);
+        let friction = if is_finger { self.robot.fingers.friction } else { LINK_FRICTION };
+        for part in collision {
+            let (geometry_from_shape, shape) = urdf_shape(name, &part.geometry)?;
+            let pose = to_pose(&(body_from_link * from_urdf_origin(&part.origin))) * geometry_from_shape;
+            let collider = ColliderBuilder::new(shape)
+                .position(pose)
+                .density(0.0)
+                .friction(friction as f32)
+                .friction_combine_rule(CoefficientCombineRule::GeometricMean)
+                .active_hooks(ActiveHooks::FILTER_CONTACT_PAIRS)
+                .user_data(link_tag(link));
+            self.world.insert_collider(collider, Some(body));
+        }
+        Ok(())
+    }
+
+    /// Adds the bodies moved by the joints of `link` and of everything fixed to it.
+    fn add_children(&mut self, link: usize) -> Result<(), PhysicsError> {
+        let robot = self.robot;
+        let name = &robot.urdf.links[link].name;
+        for (index, joint) in robot.urdf.joints.iter().enumerate().filter(|(_, j)| j.parent.link == *name) {
+            let child = find_link(&robot.urdf, &joint.child.link)?;
+            if joint.joint_type != JointType::Fixed {
+                self.add_moving(index, joint, link, child)?;
+            }
+            self.add_children(child)?;
+        }
+        Ok(())
+    }
+
+    fn add_moving(&mut self, index: usize, joint: &Joint, parent: usize, child: usize) -> Result<(), PhysicsError> {
+        let (prismatic, continuous) = match joint.joint_type {
+            JointType::Revolute => (false, false),
+            JointType::Continuous => (false, true),
+            JointType::Prismatic => (true, false),
+            ref other => {
+                return Err(PhysicsError::JointType { joint: joint.name.clone(), kind: format!("{other:?}") });
+            }
+        };
+        let place = self.links[parent].as_ref().expect("parents are built before their children");
+        let (parent_body, body_from_parent) = (place.body, place.body_from_link);
+        let parent_index = self.bodies.iter().position(|(b, _)| *b == parent_body);
+        let body = self.add_body(child, parent_index)?;
+
+        let axis = Vector3::from(joint.axis.xyz.0);
+        let along_axis = UnitQuaternion::rotation_between(&Vector3::x(), &axis)
+            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI));
+        let child_from_axis = Pose::from_parts(Default::default(), along_axis);
+        let parent_from_axis = body_from_parent * from_urdf_origin(&joint.origin) * child_from_axis;
+        let (free, locked) = if prismatic {
+            (JointAxis::LinX, JointAxesMask::LOCKED_PRISMATIC_AXES)
+        } else {
+            (JointAxis::AngX, JointAxesMask::LOCKED_REVOLUTE_AXES)
+        };
+        let mut data = GenericJointBuilder::new(locked)
+            .local_frame1(to_pose(&parent_from_axis))
+            .local_frame2(to_pose(&child_from_axis))
+            .motor_model(free, MotorModel::ForceBased);
+        let (lower, upper) = if continuous {
+            (f64::NEG_INFINITY, f64::INFINITY)
+        } else {
+            data = data.limits(free, [joint.limit.lower as f32, joint.limit.upper as f32]);
+            (joint.limit.lower, joint.limit.upper)
+        };
+        let handle = insert_joint(self.world, parent_body, body, data.build());
+        self.joints[index] = Some(JointPlace {
+            child: body,
+            joint: handle,
+            axis: free,
+            parent: parent_body,
+            parent_from_axis,
+            prismatic,
+            lower,
+            upper,
+            max_speed: joint.limit.velocity,
+            max_effort: joint.limit.effort,
+            carried_kg: 0.0,
+            carries: Vec::new(),
+        });
+        Ok(())
+    }
+
+    fn finish(self, base: RigidBodyHandle, base_joint: MultibodyJointHandle) -> Result<BuiltRobot, PhysicsError> {
+        let urdf = &self.robot.urdf;
+        let link_names: Vec<String> = urdf.links.iter().map(|l| l.name.clone()).collect();
+        let mut joints = Vec::new();
+        let mut names: Vec<Arc<str>> = Vec::new();
+        for (place, joint) in self.joints.into_iter().zip(&urdf.joints) {
+            if let Some(place) = place {
+                joints.push(place);
+                names.push(joint.name.as_str().into());
+            }
+        }
+        for joint in &mut joints {
+            for index in 0..self.bodies.len() {
+                let mut ancestor = Some(index);
+                while let Some(at) = ancestor {
+                    if self.bodies[at].0 == joint.child {
+                        joint.carries.push(index);
+                        joint.carried_kg += self.bodies[index].1;
+                    }
+                    ancestor = self.parents[at];
+                }
+            }
+        }
+        let find_joint = |name: &String| {
+            names.iter().position(|n| **n == **name).ok_or_else(|| PhysicsError::NoJoint {
+                name: name.clone(),
+                known: names.iter().map(|n| n.to_string()).collect(),
+            })
+        };
+        let [left, right] = &self.robot.fingers.joints;
+        let finger_joints = [find_joint(left)?, find_joint(right)?];
+        let [left, right] = &self.robot.fingers.links;
+        let finger_links = [find_link(urdf, left)?, find_link(urdf, right)?];
+        let mut ignored = BTreeSet::new();
+        for [a, b] in &self.robot.ignored_pairs {
+            let (a, b) = (find_link(urdf, a)?, find_link(urdf, b)?);
+            ignored.insert((a.min(b), a.max(b)));
+        }
+        let mut links = Vec::new();
+        for (place, name) in self.links.into_iter().zip(&link_names) {
+            // A link that hangs on no joint of the base's tree is not part of the robot.
+            links.push(place.ok_or_else(|| PhysicsError::NoLink {
+                name: self.robot.base_link.clone(),
+                known: vec![format!("{name} (the tree's root lies above the base link)")],
+            })?);
+        }
+        let joint_names: JointNames = names.into();
+        Ok(BuiltRobot {
+            base,
+            base_joint,
+            bodies: self.bodies,
+            joints,
+            joint_names,
+            link_names,
+            links,
+            finger_joints,
+            finger_links,
+            ignored,
+        })
+    }
+}
+
+/// Friction coefficient of links that are not finger pads: painted metal.
+const LINK_FRICTION: f64 = 0.4;
+
+fn link_mass(link: &Link) -> MassProperties {
+    let inertial = &link.inertial;
+    if inertial.mass.value <= 0.0 {
+        return nalgebra::zero();
+    }
+    let i = &inertial.inertia;
+    let pose = from_urdf_origin(&inertial.origin);
+    // The inertia is given in the axes of the inertial origin; its eigenvectors are the principal frame.
+    let inertia = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
+    let rotation = pose.rotation.to_rotation_matrix();
+    let m = rotation.matrix() * inertia * rotation.matrix().transpose();
+    let column = |c: usize| to_vector(&Vector3::new(m[(0, c)], m[(1, c)], m[(2, c)]));
+    let matrix = Matrix::from_cols(column(0), column(1), column(2));
+    MassProperties::with_inertia_matrix(to_vector(&pose.translation.vector), inertial.mass.value as f32, matrix)
+}
+
+const LINK_TAG: u128 = 1 << 64;
+
+/// What a collider of a link carries as user data.
+pub(super) fn link_tag(link: usize) -> u128 {
+    LINK_TAG | link as u128
+}
+
+/// The link whose collider carries this user data.
+pub(super) fn find_link_of_tag(tag: u128) -> Option<usize> {
+    (tag & LINK_TAG != 0).then_some((tag & u128::from(u64::MAX)) as usize)
+}

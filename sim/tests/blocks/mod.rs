@@ -1,0 +1,130 @@
+//! Worlds of simple blocks for tests and measurements: primitives on tables, and the robot porter.
+
+#![allow(dead_code, reason = "each program that includes this module uses a part of it")]
+
+use dsm::Pose;
+use dsm_sim::physics::{BaseDrive, FingerPair, RobotBody, RobotStart};
+use dsm_sim::scene::{BodyMotion, SceneBody, SceneGeom, SceneMaterial, SceneModel, SceneShape};
+use nalgebra::Vector3;
+use std::path::PathBuf;
+
+/// An empty world with a floor.
+pub(crate) fn floor() -> SceneModel {
+    let material = SceneMaterial {
+        name: "grey".into(),
+        rgba: [0.5, 0.5, 0.5, 1.0],
+        texture: None,
+        texture_repeat: [1.0; 2],
+        specular: 0.0,
+        shininess: 0.0,
+        emission: 0.0,
+    };
+    let plane = SceneShape::Plane { half_m: [0.0, 0.0] };
+    SceneModel {
+        name: "blocks".into(),
+        bodies: vec![body("world", Pose::identity(), BodyMotion::Fixed, 0.0, plane, 0.6)],
+        materials: vec![material],
+        textures: vec![],
+        meshes: vec![],
+        lights: vec![],
+    }
+}
+
+/// A body of one geom.
+pub(crate) fn body(
+    name: &str,
+    world_from_body: Pose,
+    motion: BodyMotion,
+    mass_kg: f64,
+    shape: SceneShape,
+    friction: f64,
+) -> SceneBody {
+    let geom = SceneGeom {
+        name: None,
+        body_from_geom: Pose::identity(),
+        shape,
+        material: 0,
+        friction,
+        collides: true,
+        visible: true,
+    };
+    SceneBody { name: name.into(), world_from_body, motion, mass_kg, geoms: vec![geom] }
+}
+
+/// Adds a body and returns its index.
+pub(crate) fn add(scene: &mut SceneModel, body: SceneBody) -> usize {
+    scene.bodies.push(body);
+    scene.bodies.len() - 1
+}
+
+/// A box shape by full sizes.
+pub(crate) fn cuboid(x: f64, y: f64, z: f64) -> SceneShape {
+    SceneShape::Box { half_m: Vector3::new(0.5 * x, 0.5 * y, 0.5 * z) }
+}
+
+/// Adds a fixed table: a slab of 0.7 m by `width` whose top is at `top_m`, on the given centre.
+pub(crate) fn add_table(scene: &mut SceneModel, x: f64, y: f64, width: f64, top_m: f64) -> usize {
+    let name = format!("table_{}", scene.bodies.len());
+    let pose = Pose::translation(x, y, top_m - 0.02);
+    add(scene, body(&name, pose, BodyMotion::Fixed, 0.0, cuboid(0.7, width, 0.04), 0.5))
+}
+
+/// Adds a free body.
+pub(crate) fn add_free(scene: &mut SceneModel, at: [f64; 3], mass_kg: f64, shape: SceneShape, friction: f64) -> usize {
+    let name = format!("free_{}", scene.bodies.len());
+    add(scene, body(&name, Pose::translation(at[0], at[1], at[2]), BodyMotion::Free, mass_kg, shape, friction))
+}
+
+fn porter_folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter")
+}
+
+fn porter_toml() -> toml::Table {
+    let text = std::fs::read_to_string(porter_folder().join("robot.toml")).expect("robot.toml");
+    text.parse().expect("robot.toml parses")
+}
+
+/// The robot porter as physics sees it.
+pub(crate) fn porter() -> RobotBody {
+    let table = porter_toml();
+    let number = |section: &str, key: &str| table[section][key].as_float().expect("a number");
+    let pair = |section: &str, key: &str| {
+        let names = table[section][key].as_array().expect("an array");
+        [0, 1].map(|i| names[i].as_str().expect("a name").to_owned())
+    };
+    let ignored = table["collision"]["ignored_pairs"].as_array().expect("pairs");
+    RobotBody {
+        urdf: urdf_rs::read_file(porter_folder().join("robot.urdf")).expect("robot.urdf"),
+        base_link: "base_link".into(),
+        drive: BaseDrive {
+            max_force_n: number("base", "max_drive_force_n"),
+            max_torque_nm: number("base", "max_turn_torque_nm"),
+            max_speed_m_per_s: number("base", "max_speed_m_per_s"),
+            max_turn_rad_per_s: number("base", "max_turn_rate_rad_per_s"),
+        },
+        fingers: FingerPair {
+            joints: pair("gripper", "joints"),
+            links: pair("gripper", "finger_links"),
+            friction: number("gripper", "finger_friction"),
+            max_force_n: number("gripper", "max_force_n"),
+        },
+        ignored_pairs: ignored.iter().map(|p| [0, 1].map(|i| p[i].as_str().expect("a name").to_owned())).collect(),
+    }
+}
+
+/// Joint values of a posture of porter.
+pub(crate) fn posture(name: &str) -> Vec<(String, f64)> {
+    let table = porter_toml();
+    let values = table["postures"][name].as_table().expect("a posture");
+    values.iter().map(|(joint, value)| (joint.clone(), value.as_float().expect("a number"))).collect()
+}
+
+/// Porter at the origin in a posture, with the lift at `lift_m` and the gripper open.
+pub(crate) fn start(posture_name: &str, lift_m: f64) -> RobotStart {
+    let mut joints = posture(posture_name);
+    joints.retain(|(n, _)| n != "lift_joint" && !n.starts_with("gripper"));
+    joints.push(("lift_joint".into(), lift_m));
+    joints.push(("gripper_left_joint".into(), 0.065));
+    joints.push(("gripper_right_joint".into(), 0.065));
+    RobotStart { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0, joints }
+}

@@ -1,0 +1,373 @@
+//! Contract of [`dsm_sim::physics`]: bodies fall, rest, slide and stack as mechanics says; the robot's joints and base
+//! follow what they are told within their limits; friction alone holds what the gripper lifts; contacts are reported
+//! with their force; the same inputs give the same bytes.
+
+mod blocks;
+
+use blocks::{add, add_free, add_table, body, cuboid, floor, porter, posture, start};
+use dsm::Pose;
+use dsm_robot::drivers::Twist;
+use dsm_sim::physics::{ContactParty, JointTarget, Physics, PhysicsConfig, PhysicsError, RapierPhysics, RobotStart};
+use dsm_sim::scene::{BodyMotion, SceneMesh, SceneModel, SceneShape};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+
+const G: f64 = 9.80665;
+
+/// The robot folded, far from what is tested.
+fn aside() -> RobotStart {
+    RobotStart { x_m: -5.0, ..start("carry", 0.08) }
+}
+
+fn build(scene: &SceneModel, start: &RobotStart) -> RapierPhysics {
+    RapierPhysics::new(scene, &porter(), start, PhysicsConfig::default()).unwrap()
+}
+
+fn run(physics: &mut RapierPhysics, seconds: f64) {
+    for _ in 0..(seconds / physics.step_length().as_s()).round() as usize {
+        physics.step();
+    }
+}
+
+fn drive(physics: &mut RapierPhysics, forward_m_per_s: f64, turn_rad_per_s: f64, seconds: f64) {
+    physics.command_base(Twist { forward_m_per_s, turn_rad_per_s });
+    run(physics, seconds);
+}
+
+fn position(physics: &RapierPhysics, body: usize) -> Vector3<f64> {
+    physics.world_from_body(body).translation.vector
+}
+
+fn set_velocity(physics: &mut RapierPhysics, joint: &str, velocity: f64) {
+    let joint = physics.find_joint(joint).unwrap();
+    physics.command_joint(joint, JointTarget::Velocity(velocity));
+}
+
+fn joint_value(physics: &RapierPhysics, joint: &str) -> f64 {
+    physics.joint_positions().find(joint).unwrap()
+}
+
+fn set_gripper(physics: &mut RapierPhysics, width_m: f64, max_effort: f64) {
+    for name in ["gripper_left_joint", "gripper_right_joint"] {
+        let joint = physics.find_joint(name).unwrap();
+        let target = JointTarget::Position { position: 0.5 * width_m, speed: 0.05, max_effort };
+        physics.command_joint(joint, target);
+    }
+}
+
+#[test]
+fn a_free_body_falls_with_gravity() {
+    let mut scene = floor();
+    let ball = add_free(&mut scene, [0.0, 0.0, 10.0], 1.0, SceneShape::Sphere { radius_m: 0.1 }, 0.5);
+    let mut physics = build(&scene, &aside());
+    run(&mut physics, 1.0);
+    // Air resistance of 0.05 1/s takes about 1.7 % off.
+    assert!((10.0 - position(&physics, ball).z - 0.5 * G).abs() < 0.12);
+    assert_eq!(physics.now().0, 1_000_000_000);
+}
+
+#[test]
+fn friction_decides_whether_a_block_slides_down_a_slope() {
+    // Combined friction is the geometric mean: 0.5 here, so it holds at 20 degrees and slides at 35.
+    for (angle_deg, slides) in [(20.0_f64, false), (35.0, true)] {
+        let tilt = UnitQuaternion::from_euler_angles(0.0, angle_deg.to_radians(), 0.0);
+        let mut scene = floor();
+        let at = |height: f64| {
+            let offset = tilt * Vector3::new(0.0, 0.0, height);
+            Pose::from_parts((Vector3::new(0.0, 0.0, 2.0) + offset).into(), tilt)
+        };
+        add(&mut scene, body("slope", at(0.0), BodyMotion::Fixed, 0.0, cuboid(6.0, 2.0, 0.1), 0.5));
+        let block = add(&mut scene, body("block", at(0.1), BodyMotion::Free, 0.3, cuboid(0.2, 0.2, 0.1), 0.5));
+        let mut physics = build(&scene, &aside());
+        run(&mut physics, 1.0);
+        let slid = (position(&physics, block) - at(0.1).translation.vector).norm();
+        if slides {
+            let angle = angle_deg.to_radians();
+            let expected = 0.5 * G * (angle.sin() - 0.5 * angle.cos());
+            assert!((slid - expected).abs() < 0.12 * expected, "slid {slid} m, expected {expected} m");
+        } else {
+            assert!(slid < 0.003, "slid {slid} m");
+        }
+    }
+}
+
+#[test]
+fn a_stack_rests_and_a_round_fruit_stays() {
+    let mut scene = floor();
+    let table = add_table(&mut scene, 1.0, 0.0, 1.0, 0.7);
+    let boxes: Vec<usize> = (0..5)
+        .map(|i| add_free(&mut scene, [1.0, 0.0, 0.75 + 0.1 * f64::from(i)], 0.3, cuboid(0.12, 0.12, 0.1), 0.5))
+        .collect();
+    let apple = add_free(&mut scene, [1.0, 0.3, 0.736], 0.18, SceneShape::Sphere { radius_m: 0.035 }, 0.5);
+    let mut physics = build(&scene, &aside());
+    let before: Vec<_> = boxes.iter().map(|b| position(&physics, *b)).collect();
+    run(&mut physics, 5.0);
+    for (index, (b, at)) in boxes.iter().zip(before).enumerate() {
+        let moved = (position(&physics, *b) - at).norm();
+        assert!(moved < 0.004, "box {index} moved {moved} m");
+    }
+    assert!((position(&physics, apple) - Vector3::new(1.0, 0.3, 0.735)).norm() < 0.01);
+    // The table carries the five boxes: the contact's force says so.
+    let contacts = physics.contacts();
+    let below = (ContactParty::Body(table), ContactParty::Body(boxes[0]));
+    let contact = contacts.iter().find(|c| (c.first, c.second) == below).expect("the lowest box stands on the table");
+    assert!((contact.force_n - 1.5 * G).abs() < 0.05 * 1.5 * G, "{} N", contact.force_n);
+    assert!(contact.depth_m < 0.002 && (contact.point_in_world.z - 0.7).abs() < 0.005);
+}
+
+#[test]
+fn meshes_collide_by_their_surface_or_hull() {
+    let mut scene = floor();
+    let corner = |x: f32, y: f32, z: f32| Point3::new(x, y, z);
+    let positions = vec![
+        corner(-0.5, -0.5, 0.0),
+        corner(0.5, -0.5, 0.0),
+        corner(0.5, 0.5, 0.0),
+        corner(-0.5, 0.5, 0.0),
+        corner(0.0, 0.0, -0.4),
+    ];
+    let indices = vec![[0, 1, 2], [0, 2, 3], [1, 0, 4], [2, 1, 4], [3, 2, 4], [0, 3, 4]];
+    scene.meshes.push(SceneMesh { name: "pyramid".into(), positions, normals: vec![], uvs: vec![], indices });
+    let mesh = SceneShape::Mesh { mesh: 0 };
+    add(&mut scene, body("shelf", Pose::translation(0.0, 0.0, 1.0), BodyMotion::Fixed, 0.0, mesh, 0.5));
+    let block = add_free(&mut scene, [0.1, 0.1, 1.05], 0.2, cuboid(0.1, 0.1, 0.1), 0.5);
+    let mut physics = build(&scene, &aside());
+    run(&mut physics, 1.0);
+    assert!((position(&physics, block).z - 1.05).abs() < 0.003);
+}
+
+#[test]
+fn the_arm_holds_its_posture_against_gravity() {
+    let mut physics = build(&floor(), &start("ready_front", 0.2));
+    let tool = physics.find_link("tool_frame").unwrap();
+    let before = physics.world_from_link(tool).translation.vector;
+    run(&mut physics, 5.0);
+    let moved = (physics.world_from_link(tool).translation.vector - before).norm();
+    assert!(moved < 0.001, "the tool moved {moved} m");
+    // What the lift's motor carries is the weight of the arm, carriage and hand.
+    let lift = physics.find_joint("lift_joint").unwrap();
+    assert!((physics.joint_effort(lift) - 11.6 * G).abs() < 3.0, "{} N", physics.joint_effort(lift));
+}
+
+#[test]
+fn joints_track_velocities_and_stop_at_their_limits() {
+    let mut physics = build(&floor(), &start("ready_down", 0.2));
+    let before = joint_value(&physics, "arm_4_joint");
+    set_velocity(&mut physics, "arm_4_joint", -0.5);
+    set_velocity(&mut physics, "arm_1_joint", 0.8);
+    run(&mut physics, 1.0);
+    assert!((joint_value(&physics, "arm_4_joint") - (before - 0.5)).abs() < 0.01);
+    assert!((joint_value(&physics, "arm_1_joint") - 0.8).abs() < 0.015);
+    assert!((physics.joint_velocities().find("arm_1_joint").unwrap() - 0.8).abs() < 0.02);
+    // Into the limits, faster than allowed.
+    set_velocity(&mut physics, "arm_4_joint", -50.0);
+    set_velocity(&mut physics, "lift_joint", 50.0);
+    run(&mut physics, 0.5);
+    assert!((joint_value(&physics, "lift_joint") - 0.3).abs() < 0.01, "0.2 m/s is its top speed");
+    run(&mut physics, 2.5);
+    assert!((joint_value(&physics, "arm_4_joint") + 0.2).abs() < 0.005);
+    assert!((joint_value(&physics, "lift_joint") - 0.45).abs() < 0.002);
+}
+
+#[test]
+fn the_base_follows_its_twist_and_a_wall_stops_it() {
+    let mut scene = floor();
+    let wall = add(
+        &mut scene,
+        body("wall", Pose::translation(2.0, 0.0, 0.5), BodyMotion::Fixed, 0.0, cuboid(0.1, 4.0, 1.0), 0.5),
+    );
+    let mut physics = build(&scene, &start("carry", 0.08));
+    drive(&mut physics, 0.5, 0.0, 2.0);
+    let base = physics.world_from_base().translation.vector;
+    assert!((0.95..1.0).contains(&base.x) && base.y.abs() < 0.002, "{base:?}");
+    assert!((physics.base_velocity().forward_m_per_s - 0.5).abs() < 0.01);
+    drive(&mut physics, 0.5, 0.0, 4.0);
+    let stopped = physics.world_from_base().translation.vector;
+    assert!((1.68..1.73).contains(&stopped.x), "the footprint ends at the wall: {stopped:?}");
+    let contacts = physics.contacts();
+    let push = contacts.iter().find(|c| c.first == ContactParty::Body(wall)).expect("the base pushes the wall");
+    assert_eq!(push.second, ContactParty::Link(physics.find_link("base_link").unwrap()));
+    assert!((150.0..230.0).contains(&push.force_n), "the drive gives at most 200 N: {}", push.force_n);
+    drive(&mut physics, 0.0, 1.0, 1.0);
+    let (_, _, yaw) = physics.world_from_base().rotation.euler_angles();
+    assert!((yaw - 1.0).abs() < 0.05, "yaw {yaw}");
+}
+
+#[test]
+fn a_push_does_not_carry_the_base_through_a_heavy_crate() {
+    let mut scene = floor();
+    let crate_body = add_free(&mut scene, [0.8, 0.0, 0.25], 80.0, cuboid(0.5, 0.5, 0.5), 0.6);
+    let mut physics = build(&scene, &start("carry", 0.08));
+    drive(&mut physics, 0.5, 0.0, 3.0);
+    // 80 kg with friction 0.6 needs 470 N; the drive has 200.
+    assert!((position(&physics, crate_body).x - 0.8).abs() < 0.02);
+    assert!(physics.world_from_base().translation.x < 0.33);
+}
+
+/// A table with one object below the open gripper, the robot 0.1 m above it.
+fn grasp_world(shape: SceneShape, height_m: f64, mass_kg: f64, friction: f64) -> (SceneModel, usize) {
+    let mut scene = floor();
+    add_table(&mut scene, 0.71, 0.0, 1.2, 0.598 - 0.5 * height_m);
+    let object = add_free(&mut scene, [0.519, 0.0, 0.598], mass_kg, shape, friction);
+    (scene, object)
+}
+
+fn lift_by(physics: &mut RapierPhysics, velocity: f64, seconds: f64) {
+    set_velocity(physics, "lift_joint", velocity);
+    run(physics, seconds);
+    set_velocity(physics, "lift_joint", 0.0);
+}
+
+#[test]
+fn friction_holds_what_the_gripper_lifts_and_carries() {
+    let apple = (SceneShape::Sphere { radius_m: 0.035 }, 0.07, 0.18, 0.07);
+    let brick = (cuboid(0.06, 0.06, 0.1), 0.1, 0.2, 0.06);
+    for (shape, height, mass, width) in [apple, brick] {
+        let (scene, object) = grasp_world(shape, height, mass, 0.5);
+        let mut physics = build(&scene, &start("ready_down", 0.25));
+        lift_by(&mut physics, -0.1, 1.0);
+        assert_eq!(physics.grip_force_n(), 0.0);
+        set_gripper(&mut physics, 0.0, 25.0);
+        run(&mut physics, 2.0);
+        let fingers = 2.0 * joint_value(&physics, "gripper_left_joint");
+        assert!((fingers - width).abs() < 0.004, "the fingers stop at the object: {fingers} m");
+        assert!((physics.grip_force_n() - 25.0).abs() < 3.0, "{} N", physics.grip_force_n());
+        let left = joint_value(&physics, "gripper_left_joint");
+        assert!((left - joint_value(&physics, "gripper_right_joint")).abs() < 1e-3);
+        lift_by(&mut physics, 0.1, 1.5);
+        let tool = physics.find_link("tool_frame").unwrap();
+        let in_tool =
+            |p: &RapierPhysics| (p.world_from_link(tool).inv_mul(&p.world_from_body(object))).translation.vector;
+        let held = in_tool(&physics);
+        drive(&mut physics, -0.5, 0.0, 2.0);
+        drive(&mut physics, 0.0, 1.0, 2.0);
+        drive(&mut physics, 0.5, 0.0, 2.0);
+        drive(&mut physics, 0.0, 0.0, 5.0);
+        assert!(position(&physics, object).z > 0.73);
+        let slipped = (in_tool(&physics) - held).norm();
+        assert!(slipped < 0.006, "slipped {slipped} m in 11 s");
+        assert!(physics.contacts().iter().all(|c| c.depth_m < 0.003));
+        set_gripper(&mut physics, 0.13, 25.0);
+        run(&mut physics, 1.5);
+        assert!(position(&physics, object).z < 0.2, "an open gripper lets go");
+    }
+}
+
+#[test]
+fn a_grip_too_weak_for_the_weight_drops_the_object() {
+    // 2 sides x 3 N x sqrt(0.9 * 0.3) = 3.1 N of friction against 7.8 N of weight.
+    let (scene, object) = grasp_world(cuboid(0.06, 0.06, 0.1), 0.1, 0.8, 0.3);
+    let mut physics = build(&scene, &start("ready_down", 0.25));
+    lift_by(&mut physics, -0.1, 1.0);
+    set_gripper(&mut physics, 0.0, 3.0);
+    run(&mut physics, 2.0);
+    lift_by(&mut physics, 0.1, 1.5);
+    assert!(position(&physics, object).z < 0.61, "nothing is attached to the gripper");
+}
+
+#[test]
+fn the_grip_force_never_exceeds_the_limit() {
+    let (scene, _) = grasp_world(cuboid(0.06, 0.06, 0.1), 0.1, 0.4, 0.5);
+    let mut physics = build(&scene, &start("ready_down", 0.15));
+    set_gripper(&mut physics, 0.0, 500.0);
+    run(&mut physics, 2.0);
+    lift_by(&mut physics, 0.1, 1.0);
+    assert!((37.0..41.0).contains(&physics.grip_force_n()), "{} N", physics.grip_force_n());
+}
+
+#[test]
+fn a_standing_base_does_not_creep_under_a_steady_push() {
+    // The gripper pushes sideways against a heavy crate for 5 s.
+    let mut scene = floor();
+    add_free(&mut scene, [0.6, 0.35, 0.3], 200.0, cuboid(0.4, 0.4, 0.6), 0.8);
+    let mut physics = build(&scene, &start("ready_down", 0.0));
+    // 30 Nm, half of what the wheels can hold.
+    let shoulder = physics.find_joint("arm_1_joint").unwrap();
+    physics.command_joint(shoulder, JointTarget::Position { position: 1.5, speed: 0.3, max_effort: 30.0 });
+    run(&mut physics, 5.0);
+    assert!(!physics.contacts().iter().all(|c| matches!(c.first, ContactParty::Body(0))), "the hand pushes the crate");
+    let base = physics.world_from_base();
+    assert!(base.translation.vector.norm() < 0.006 && base.rotation.angle() < 0.006, "{base:?}");
+}
+
+#[test]
+fn the_folded_robot_touches_nothing_while_it_unfolds() {
+    let mut physics = build(&floor(), &start("carry", 0.08));
+    for goal in ["side", "ready_down", "side", "carry"] {
+        // The joints move in step, as `[paths]` of robot.toml asks.
+        let target = posture(goal);
+        let from = physics.joint_positions();
+        let paces: Vec<_> = target.iter().map(|(n, value)| (n, (value - from.find(n).unwrap()) / 4.0)).collect();
+        for _ in 0..400 {
+            paces.iter().for_each(|(name, pace)| set_velocity(&mut physics, name, *pace));
+            run(&mut physics, 0.01);
+            assert!(physics.contacts().is_empty(), "{goal}: {:?}", physics.contacts());
+        }
+        for (name, value) in &target {
+            assert!((joint_value(&physics, name) - value).abs() < 0.02, "{name} in {goal}");
+        }
+    }
+}
+
+#[test]
+fn two_runs_give_the_same_bytes() {
+    let trace = || {
+        let (mut scene, object) = grasp_world(SceneShape::Sphere { radius_m: 0.035 }, 0.07, 0.18, 0.5);
+        for i in 0..20 {
+            let at = [0.5 + 0.01 * f64::from(i), 0.3 + 0.02 * f64::from(i), 0.8 + 0.1 * f64::from(i)];
+            add_free(&mut scene, at, 0.2, cuboid(0.06, 0.05, 0.08), 0.5);
+        }
+        let mut physics = build(&scene, &start("ready_down", 0.25));
+        lift_by(&mut physics, -0.1, 1.0);
+        set_gripper(&mut physics, 0.0, 25.0);
+        drive(&mut physics, -0.3, 0.4, 2.0);
+        let mut bits = Vec::new();
+        for index in 0..scene.bodies.len() {
+            let pose = physics.world_from_body(index);
+            bits.extend(pose.translation.vector.iter().chain(pose.rotation.coords.iter()).map(|v| v.to_bits()));
+        }
+        bits.extend(physics.joint_positions().values().iter().map(|v| v.to_bits()));
+        bits.push(physics.grip_force_n().to_bits());
+        assert!(object > 0);
+        bits
+    };
+    assert_eq!(trace(), trace());
+}
+
+#[test]
+fn reading_never_changes_the_world() {
+    let scene = floor();
+    let (mut read, mut left_alone) = (build(&scene, &aside()), build(&scene, &aside()));
+    for _ in 0..50 {
+        read.step();
+        left_alone.step();
+        let _ = (read.contacts(), read.grip_force_n(), read.joint_positions(), read.world_from_base());
+    }
+    assert_eq!(read.now(), left_alone.now());
+    assert_eq!(read.joint_positions(), left_alone.joint_positions());
+}
+
+#[test]
+fn bad_input_is_refused_with_its_reason() {
+    let refuse = |scene: &SceneModel, start: &RobotStart, config: PhysicsConfig| {
+        RapierPhysics::new(scene, &porter(), start, config).err().unwrap()
+    };
+    let config = PhysicsConfig::default();
+    let mut scene = floor();
+    add_free(&mut scene, [0.0, 0.0, 1.0], 0.0, cuboid(0.1, 0.1, 0.1), 0.5);
+    assert!(matches!(refuse(&scene, &aside(), config), PhysicsError::NoMass { .. }));
+    let mut scene = floor();
+    add_free(&mut scene, [0.0, 0.0, 1.0], 1.0, cuboid(0.1, 0.0, 0.1), 0.5);
+    assert!(matches!(refuse(&scene, &aside(), config), PhysicsError::BadShape { .. }));
+    let mut start = aside();
+    start.joints.push(("arm_9_joint".into(), 0.0));
+    assert!(matches!(refuse(&floor(), &start, config), PhysicsError::NoJoint { .. }));
+    let mut start = aside();
+    start.joints.push(("arm_4_joint".into(), 4.0));
+    assert!(matches!(refuse(&floor(), &start, config), PhysicsError::OutOfRange { .. }));
+    let slow = PhysicsConfig { step: dsm::time::Span::from_s(0.02), ..config };
+    assert!(matches!(refuse(&floor(), &aside(), slow), PhysicsError::OutOfRange { .. }));
+    let mut robot = porter();
+    robot.fingers.friction = 1.5;
+    let error = RapierPhysics::new(&floor(), &robot, &aside(), config).err().unwrap();
+    assert!(error.to_string().contains("finger_friction = 1.5"), "{error}");
+}

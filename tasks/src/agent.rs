@@ -1,0 +1,343 @@
+//! The loop of the system: command, let time pass, look, learn.
+//!
+//! Skills are plain functions that call [`Agent::tick`] until they are done. Every tick is one control period; planning
+//! and perception run beside it and show at a declared latency.
+
+use crate::deferred::Deferred;
+use crate::error::TaskError;
+use crate::journal::Journal;
+use crate::perception::Perception;
+use dsm::Pose;
+use dsm::build::Carrier;
+use dsm::frame::RgbdFrame;
+use dsm::map::Map;
+use dsm::time::{Span, Stamp};
+use dsm_robot::drivers::{DriverError, JointState, Robot, Twist};
+use dsm_robot::joints::JointVelocities;
+use dsm_robot::model::{Configuration, RobotModel};
+use nalgebra::{DMatrix, DVector, Point2, Point3, Vector3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Why a skill was cut short from outside.
+#[derive(Debug)]
+pub enum Halt {
+    /// The simulated time limit of the episode.
+    TimeUp,
+    /// Ctrl-C.
+    Interrupted,
+    /// The emergency stop, or a driver that fails.
+    Stopped(DriverError),
+    /// The program itself.
+    Failed(TaskError),
+}
+
+impl From<DriverError> for Halt {
+    fn from(error: DriverError) -> Self {
+        Self::Stopped(error)
+    }
+}
+
+impl From<TaskError> for Halt {
+    fn from(error: TaskError) -> Self {
+        Self::Failed(error)
+    }
+}
+
+/// Parameters of the loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AgentConfig {
+    /// Control period; default 10 ms.
+    pub period: Span,
+    /// A frame's map shows this long after the frame; default 0.2 s.
+    pub mapping_latency: Span,
+    /// A plan shows this long after it is asked for; default 0.1 s.
+    pub planning_latency: Span,
+    /// Proportional gain of the head, 1/s; default 4.
+    pub head_gain_per_s: f64,
+}
+
+impl Default for AgentConfig {
+    fn default() -> Self {
+        Self {
+            period: Span(10_000_000),
+            mapping_latency: Span(200_000_000),
+            planning_latency: Span(100_000_000),
+            head_gain_per_s: 4.0,
+        }
+    }
+}
+
+/// Where the head is to look.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Gaze {
+    /// Joint positions of the head group.
+    Joints(Vec<f64>),
+    /// A point in the world.
+    Point(Point3<f64>),
+}
+
+/// A robot with its senses and its map.
+pub struct Agent {
+    robot: Box<dyn Robot>,
+    model: Arc<RobotModel>,
+    config: AgentConfig,
+    perception: Perception,
+    map: Arc<Map>,
+    deadline: Stamp,
+    interrupted: Arc<AtomicBool>,
+    on_tick: Box<dyn FnMut()>,
+    /// Cameras that are read; the head's always is.
+    pub watched: Vec<String>,
+    /// Where the head looks.
+    pub gaze: Gaze,
+    grip: Option<(f64, f64)>,
+    frames: BTreeMap<String, Arc<RgbdFrame>>,
+    /// What happened, for the report.
+    pub journal: Journal,
+}
+
+/// What [`Agent::new`] needs.
+pub struct Parts {
+    /// The robot, with its limits.
+    pub robot: Box<dyn Robot>,
+    /// Its model.
+    pub model: Arc<RobotModel>,
+    /// Perception and mapping.
+    pub perception: Perception,
+    /// The map to begin with.
+    pub map: Map,
+    /// When the episode ends.
+    pub deadline: Stamp,
+    /// Set by Ctrl-C.
+    pub interrupted: Arc<AtomicBool>,
+    /// Called once a tick, after time has passed.
+    pub on_tick: Box<dyn FnMut()>,
+}
+
+impl Agent {
+    /// Puts the parts together.
+    pub fn new(parts: Parts, config: AgentConfig) -> Self {
+        let rest = vec![0.0; parts.model.head.len()];
+        Self {
+            robot: parts.robot,
+            model: parts.model,
+            config,
+            perception: parts.perception,
+            map: Arc::new(parts.map),
+            deadline: parts.deadline,
+            interrupted: parts.interrupted,
+            on_tick: parts.on_tick,
+            watched: vec!["head".into()],
+            gaze: Gaze::Joints(rest),
+            grip: None,
+            frames: BTreeMap::new(),
+            journal: Journal::default(),
+        }
+    }
+
+    /// One control period: command, let time pass, look, learn.
+    pub fn tick(&mut self, base: Twist, arm: &JointVelocities) -> Result<(), Halt> {
+        // Whoever wants to end the run is heard first.
+        if self.interrupted.load(Ordering::Relaxed) {
+            return Err(Halt::Interrupted);
+        }
+        let now = self.now();
+        if now >= self.deadline {
+            return Err(Halt::TimeUp);
+        }
+        // Command.
+        let head = self.head_velocities()?;
+        self.robot.base().command(base)?;
+        self.robot.arm().command(arm)?;
+        self.robot.head().command(&head)?;
+        if let Some((width_m, force_n)) = self.grip {
+            self.robot.gripper().command(width_m, force_n)?;
+        }
+        // Let time pass.
+        self.robot.clock().wait_until(now + self.config.period)?;
+        (self.on_tick)();
+        // Look.
+        for i in 0..self.watched.len() {
+            if let Some(frame) = self.robot.cameras().read(&self.watched[i])? {
+                self.see(frame)?;
+            }
+        }
+        // Learn.
+        let now = self.now();
+        while let Some(learned) = self.perception.find_learned(now)? {
+            self.journal.note_learned(&learned);
+            self.map = learned.map;
+        }
+        Ok(())
+    }
+
+    fn see(&mut self, frame: RgbdFrame) -> Result<(), Halt> {
+        let frame = Arc::new(frame);
+        let configuration = self.configuration()?;
+        let world_from_base = self.world_from_base()?;
+        let carrier = Carrier {
+            bodies: self.model.link_boxes(&configuration, &world_from_base),
+            footprint: Some((
+                Point2::from(world_from_base.translation.vector.xy()),
+                self.model.settings.base.footprint_radius_m,
+            )),
+        };
+        self.journal.note_frame(&frame, &world_from_base);
+        self.frames.insert(frame.camera.to_string(), frame.clone());
+        Ok(self.perception.submit(frame, carrier)?)
+    }
+
+    /// Ticks without moving base or arm.
+    pub fn rest(&mut self, duration: Span) -> Result<(), Halt> {
+        let still = JointVelocities::zeros(&self.model.arm.joints);
+        let end = self.now() + duration;
+        while self.now() < end {
+            self.tick(Twist::default(), &still)?;
+        }
+        Ok(())
+    }
+
+    /// Runs `plan` beside the loop while the robot stands still; its result shows after the declared planning latency.
+    pub fn plan<T: Send + 'static>(&mut self, plan: impl FnOnce() -> T + Send + 'static) -> Result<T, Halt> {
+        let mut deferred = self.plan_beside(plan);
+        let still = JointVelocities::zeros(&self.model.arm.joints);
+        loop {
+            if let Some(result) = deferred.find(self.now()) {
+                return Ok(result);
+            }
+            if !deferred.is_pending() {
+                return Err(TaskError::Internal("a plan panicked".into()).into());
+            }
+            self.tick(Twist::default(), &still)?;
+        }
+    }
+
+    /// Starts `plan`; the caller goes on ticking and asks for the result.
+    pub fn plan_beside<T: Send + 'static>(&mut self, plan: impl FnOnce() -> T + Send + 'static) -> Deferred<T> {
+        Deferred::start(self.now() + self.config.planning_latency, plan)
+    }
+
+    /// The present moment.
+    pub fn now(&mut self) -> Stamp {
+        self.robot.clock().now()
+    }
+
+    /// When the episode ends.
+    pub fn deadline(&self) -> Stamp {
+        self.deadline
+    }
+
+    /// Length of a control period.
+    pub fn period(&self) -> Span {
+        self.config.period
+    }
+
+    /// The newest map.
+    pub fn map(&self) -> &Arc<Map> {
+        &self.map
+    }
+
+    /// The robot's model.
+    pub fn model(&self) -> &Arc<RobotModel> {
+        &self.model
+    }
+
+    /// The newest frame of a camera.
+    pub fn find_frame(&self, camera: &str) -> Option<&Arc<RgbdFrame>> {
+        self.frames.get(camera)
+    }
+
+    /// Sets what the gripper does until told otherwise: width in metres, greatest force in newtons.
+    pub fn grip(&mut self, width_m: f64, max_force_n: f64) {
+        self.grip = Some((width_m, max_force_n));
+    }
+
+    /// The gripper's free width in metres, and whether the fingers move.
+    pub fn grip_state(&mut self) -> Result<dsm_robot::drivers::GripperState, Halt> {
+        Ok(self.robot.gripper().state()?)
+    }
+
+    /// Where the robot believes it is.
+    pub fn world_from_base(&mut self) -> Result<Pose, Halt> {
+        Ok(self.robot.localisation().world_from_base()?.pose)
+    }
+
+    /// Smooth pose that drifts, for short motions.
+    pub fn odom_from_base(&mut self) -> Result<Pose, Halt> {
+        Ok(self.robot.localisation().odom_from_base()?.pose)
+    }
+
+    /// Measured velocity of the base.
+    pub fn base_velocity(&mut self) -> Result<Twist, Halt> {
+        Ok(self.robot.base().velocity()?)
+    }
+
+    /// State of the arm.
+    pub fn arm_state(&mut self) -> Result<JointState, Halt> {
+        Ok(self.robot.arm().state()?)
+    }
+
+    /// All measured joints as one configuration of the model.
+    pub fn configuration(&mut self) -> Result<Configuration, Halt> {
+        let mut configuration = self.model.kinematics.zero();
+        let arm = self.robot.arm().state()?;
+        let head = self.robot.head().state()?;
+        let width_m = self.robot.gripper().state()?.width_m;
+        configuration.apply(&arm.positions);
+        configuration.apply(&head.positions);
+        Ok(self.model.with_gripper_width(configuration, width_m))
+    }
+
+    /// Stops the base and the arm, best effort, at the end of a run.
+    pub fn stop(&mut self) {
+        let still = JointVelocities::zeros(&self.model.arm.joints);
+        // The run is over whatever they answer; limits and time-outs stop a part that does not.
+        let _ = self.robot.base().command(Twist::default());
+        let _ = self.robot.arm().command(&still);
+    }
+
+    /// Ends perception and gives back the final map and the journal.
+    pub fn finish(mut self) -> Result<(Arc<Map>, Journal), TaskError> {
+        self.stop();
+        if let Some(learned) = self.perception.finish()? {
+            self.map = learned.map;
+        }
+        Ok((self.map, self.journal))
+    }
+
+    /// Velocities that turn the head towards its gaze: proportional to the joint error, or for a point to the angle
+    /// between the optical axis z and the direction d, by least squares over J_w qdot = k (z x d).
+    fn head_velocities(&mut self) -> Result<JointVelocities, Halt> {
+        let state = self.robot.head().state()?;
+        let group = self.model.head.clone();
+        let gain = self.config.head_gain_per_s;
+        let velocities = match self.gaze.clone() {
+            Gaze::Joints(goal) => {
+                goal.iter().zip(state.positions.values()).map(|(goal, now)| gain * (goal - now)).collect()
+            }
+            Gaze::Point(point) => {
+                let Some((_, camera)) = self.model.find_camera("head") else { return Ok(JointVelocities::zeros(&group.joints)) };
+                let configuration = self.configuration()?;
+                let poses = self.model.kinematics.root_from_links(&configuration);
+                let base_from_camera = *poses.get(camera);
+                let point_in_base = self.world_from_base()?.inverse_transform_point(&point);
+                let axis = base_from_camera * Vector3::z();
+                let direction = (point_in_base - Point3::from(base_from_camera.translation.vector)).normalize();
+                let turn = axis.cross(&direction) * gain;
+                let jacobian = self.model.kinematics.jacobian(&poses, camera, &Point3::origin(), &group);
+                let angular: DMatrix<f64> = jacobian.rows(3, 3).into_owned();
+                // Damping keeps the answer small near the pan axis.
+                let normal = angular.transpose() * &angular + DMatrix::identity(group.len(), group.len()) * 1e-2;
+                let rhs: DVector<f64> = angular.transpose() * turn;
+                normal.cholesky().map_or_else(|| vec![0.0; group.len()], |c| c.solve(&rhs).as_slice().to_vec())
+            }
+        };
+        let mut command = JointVelocities::zeros(&group.joints);
+        for ((value, wanted), limit) in command.values_mut().iter_mut().zip(velocities).zip(&group.limits) {
+            *value = wanted.clamp(-limit.velocity, limit.velocity);
+        }
+        Ok(command)
+    }
+}

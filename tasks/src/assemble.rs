@@ -1,0 +1,129 @@
+//! Puts a run together: scene, robot, world, detector, judge. The only place that knows all of them.
+
+use crate::error::TaskError;
+use crate::judge::{JointBounds, Judge};
+use crate::run::RunSpec;
+use dsm::eval::Truth;
+use dsm::ground::{GroundConfig, Grounder};
+use dsm::knowledge::Knowledge;
+use dsm::perceive::Detector;
+use dsm_robot::drivers::Robot;
+use dsm_robot::limited::Limited;
+use dsm_robot::model::RobotModel;
+use dsm_sim::world::{Perception, StartPose, World, WorldConfig};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+
+/// Folder of the robots that ship with the program, below the repository's root.
+const ROBOTS: &str = "robot/models";
+
+/// A run, ready to begin.
+pub struct Assembled {
+    /// The robot with its limits.
+    pub robot: Box<dyn Robot>,
+    /// Its model.
+    pub model: Arc<RobotModel>,
+    /// The detector.
+    pub detector: Box<dyn Detector>,
+    /// Samples of the truth, for the judge alone.
+    pub truth: Receiver<Truth>,
+    /// The judge.
+    pub judge: Judge,
+}
+
+/// Builds everything that a run needs.
+pub fn assemble(spec: &RunSpec) -> Result<Assembled, TaskError> {
+    let (model, world) = load(spec)?;
+    let truth = world.truth_at_start();
+    check_names(spec, &world)?;
+    let bounds = model
+        .groups
+        .iter()
+        .flat_map(|group| group.joints.iter().zip(&group.limits))
+        .map(|(name, limit)| JointBounds {
+            name: name.to_string(),
+            position: (limit.lower, limit.upper),
+            speed: limit.velocity,
+        })
+        .collect();
+    let radius_m = model.settings.base.footprint_radius_m;
+    let judge = Judge::new(truth, spec.episode.expectations.clone(), bounds, radius_m);
+    let parts = world.into_parts();
+    let robot: Box<dyn Robot> = Box::new(Limited::new(parts.robot, &model));
+    Ok(Assembled { robot, model, detector: Box::new(parts.detector), truth: parts.truth, judge })
+}
+
+/// Loads and checks all inputs of a run without beginning it.
+pub fn check(spec: &RunSpec) -> Result<(), TaskError> {
+    let (_, world) = load(spec)?;
+    check_names(spec, &world)
+}
+
+fn load(spec: &RunSpec) -> Result<(Arc<RobotModel>, World), TaskError> {
+    let model = Arc::new(RobotModel::load(&find_robot(&spec.robot)?)?);
+    let perception = if spec.perception == "oracle" { Perception::Oracle } else { Perception::Noisy };
+    let start = spec.episode.start.map(|s| StartPose { x_m: s.x_m, y_m: s.y_m, yaw_rad: s.yaw_rad });
+    let config = WorldConfig { seed: spec.seed, perception, start, permute_labels: spec.permute_labels, ..WorldConfig::default() };
+    let world = World::load(&spec.scene, model.clone(), config)?;
+    Ok((model, world))
+}
+
+/// The folder of a robot: a path as given, or the name of a robot that ships with the program.
+pub fn find_robot(robot: &str) -> Result<PathBuf, TaskError> {
+    let given = Path::new(robot);
+    if given.exists() {
+        return Ok(given.to_owned());
+    }
+    let roots = [Path::new(ROBOTS).to_owned(), Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(ROBOTS)];
+    if let Some(found) = roots.iter().map(|root| root.join(robot)).find(|folder| folder.join("robot.toml").is_file()) {
+        return Ok(found);
+    }
+    let mut known: Vec<String> = roots
+        .iter()
+        .filter_map(|root| std::fs::read_dir(root).ok())
+        .flat_map(|entries| entries.flatten())
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    known.sort();
+    known.dedup();
+    Err(TaskError::Usage(format!(
+        "robot `{robot}`: expected the path of a robot.toml, or one of: {}",
+        known.join(", ")
+    )))
+}
+
+/// Names in expectations must exist: a misspelt body would fail an episode for no reason that anyone sees.
+fn check_names(spec: &RunSpec, world: &World) -> Result<(), TaskError> {
+    let bodies = world.object_names();
+    let rooms = world.room_names();
+    let fail = |what: &'static str, name: &str, all: &[String]| {
+        let nearest = dsm::config::find_nearest(name, all.iter().map(String::as_str));
+        let known = nearest.map_or_else(|| all.to_vec(), |near| vec![near.to_owned()]);
+        Err(TaskError::UnknownName { path: spec.file.clone(), what, name: name.to_owned(), known })
+    };
+    for e in &spec.episode.expectations {
+        for body in [&e.object, &e.surface].into_iter().flatten() {
+            if !bodies.contains(body) {
+                return fail("body", body, &bodies);
+            }
+        }
+        if let Some(room) = &e.room
+            && !rooms.contains(room)
+        {
+            return fail("room", room, &rooms);
+        }
+    }
+    Ok(())
+}
+
+/// The embedded knowledge.
+pub fn knowledge() -> Result<Arc<Knowledge>, TaskError> {
+    Knowledge::embedded().map(Arc::new).map_err(|e| TaskError::Internal(e.to_string()))
+}
+
+/// The embedded grounder.
+pub fn grounder() -> Result<Arc<Grounder>, TaskError> {
+    let grounder = Grounder::new(GroundConfig::default(), knowledge()?);
+    grounder.map(Arc::new).map_err(|e| TaskError::Internal(e.to_string()))
+}

@@ -1,0 +1,136 @@
+//! Moving the arm: to joint values, along a named path of postures, and to tool poses by the QP controller.
+
+use crate::agent::{Agent, Halt};
+use dsm::Pose;
+use dsm::time::Span;
+use dsm_robot::control::{ControlOutput, ControlStatus, Controller, ControllerConfig, JointMove, ToolGoal};
+use dsm_robot::drivers::Twist;
+use dsm_robot::joints::JointPositions;
+use dsm_robot::model::LinkId;
+use dsm_robot::model::collision::Obstacle;
+
+/// A motion that has not come nearer to its goal for this long is stuck.
+const STUCK_AFTER: Span = Span(1_500_000_000);
+/// Improvement that counts, metres or radians.
+const PROGRESS: f64 = 0.002;
+
+/// How a motion of the arm ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ArmOutcome {
+    /// At the goal.
+    Reached,
+    /// It came no nearer: what is left.
+    Stuck {
+        /// Distance of the tool (or the greatest joint error), metres or radians.
+        error_m: f64,
+        /// Angle of the tool, radians.
+        error_rad: f64,
+    },
+}
+
+/// Watches a motion come nearer.
+struct Watch {
+    best: f64,
+    since_s: f64,
+}
+
+impl Watch {
+    fn new(now_s: f64) -> Self {
+        Self { best: f64::INFINITY, since_s: now_s }
+    }
+
+    /// Whether the motion is stuck.
+    fn note(&mut self, error: f64, now_s: f64) -> bool {
+        if error < self.best - PROGRESS {
+            *self = Self { best: error, since_s: now_s };
+        }
+        now_s - self.since_s > STUCK_AFTER.as_s()
+    }
+}
+
+/// Moves the arm group to joint values; joints not named stay.
+pub fn move_joints(agent: &mut Agent, goal: &JointPositions, obstacles: &[Obstacle]) -> Result<ArmOutcome, Halt> {
+    let model = agent.model().clone();
+    let mut motion = JointMove::new(&model, &model.arm, goal, model.settings.control.clone());
+    let mut watch = Watch::new(agent.now().as_s());
+    loop {
+        let state = agent.arm_state()?;
+        motion.set_other_joints(agent.configuration()?.positions());
+        let output = motion.tick(&state, obstacles, agent.period().as_s());
+        agent.tick(Twist::default(), &output.velocities)?;
+        if let Some(outcome) = judge(&output, &mut watch, agent.now().as_s()) {
+            return Ok(outcome);
+        }
+    }
+}
+
+/// Moves along a named path of postures, forwards or backwards.
+pub fn move_along(agent: &mut Agent, path: &str, direction: Direction, obstacles: &[Obstacle]) -> Result<ArmOutcome, Halt> {
+    let model = agent.model().clone();
+    let mut postures: Vec<&String> = model.settings.paths.get(path).into_iter().flatten().collect();
+    if direction == Direction::Backward {
+        postures.reverse();
+    }
+    for posture in postures {
+        let Some(goal) = model.find_posture(posture) else { continue };
+        let outcome = move_joints(agent, &goal, obstacles)?;
+        if outcome != ArmOutcome::Reached {
+            return Ok(outcome);
+        }
+    }
+    Ok(ArmOutcome::Reached)
+}
+
+/// Which way a path is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// From its first posture.
+    Forward,
+    /// From its last posture.
+    Backward,
+}
+
+/// A motion of the tool.
+pub struct ToolMove<'a> {
+    /// Where the tool shall be, base frame.
+    pub goal: Pose,
+    /// Obstacles, base frame.
+    pub obstacles: &'a [Obstacle],
+    /// Links that may touch them.
+    pub touching: &'a [LinkId],
+    /// Greatest speed of the tool, metres per second.
+    pub speed_m_per_s: f64,
+    /// Joints to prefer where the pose leaves them free.
+    pub posture: Option<&'a JointPositions>,
+}
+
+/// Moves the tool to a pose in the base frame.
+pub fn move_tool(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<ArmOutcome, Halt> {
+    let model = agent.model().clone();
+    let config = ControllerConfig { max_tool_speed_m_per_s: motion.speed_m_per_s, ..model.settings.control.clone() };
+    let mut controller = Controller::new(&model, config);
+    if let Some(posture) = motion.posture {
+        controller.set_posture(posture);
+    }
+    controller.set_touching(motion.touching);
+    let goal = ToolGoal::from(motion.goal);
+    let mut watch = Watch::new(agent.now().as_s());
+    loop {
+        let state = agent.arm_state()?;
+        controller.set_other_joints(agent.configuration()?.positions());
+        let output = controller.tick(&state, &goal, motion.obstacles, agent.period().as_s());
+        agent.tick(Twist::default(), &output.velocities)?;
+        if let Some(outcome) = judge(&output, &mut watch, agent.now().as_s()) {
+            return Ok(outcome);
+        }
+    }
+}
+
+fn judge(output: &ControlOutput, watch: &mut Watch, now_s: f64) -> Option<ArmOutcome> {
+    if output.status == ControlStatus::Reached {
+        return Some(ArmOutcome::Reached);
+    }
+    // A radian of turning counts like 0.2 m of way.
+    let stuck = watch.note(output.error_m + 0.2 * output.error_rad, now_s);
+    stuck.then_some(ArmOutcome::Stuck { error_m: output.error_m, error_rad: output.error_rad })
+}

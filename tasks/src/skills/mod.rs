@@ -1,0 +1,21 @@
+//! Skills: what the robot can do. Each is a function that ticks the agent until it is done and answers with a typed
+//! outcome; each is bounded in simulated time.
+
+pub mod arm;
+pub mod drive;
+pub mod explore;
+pub mod grasp;
+pub mod navigate;
+pub mod obstacles;
+pub mod search;
+
+use crate::summary::Stage;
+
+/// How a skill ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    /// Done; what was reached, in words.
+    Done(String),
+    /// Not done: in which stage, and why.
+    Failed(Stage, String),
+}

@@ -1,0 +1,51 @@
+//! Search: explore until the words point at one thing, or until all has been seen.
+
+use super::explore::{ExploreOutcome, Explorer};
+use crate::agent::{Agent, Halt};
+use dsm::ground::{Grounder, Grounding, GroundingStatus};
+use dsm::time::{Span, Stamp};
+use std::sync::Arc;
+
+/// Exploration stops early only for a grounding that scores at least this.
+const SURE_SCORE: f32 = 0.8;
+/// ... and that has pointed at the same thing for this long.
+const SURE_FOR: Span = Span(3_000_000_000);
+/// Words are grounded this often while exploring.
+const GROUND_EVERY: Span = Span(1_000_000_000);
+
+/// Grounds `text`, exploring as long as the answer is not sure and something is left to see before `end`.
+pub fn search(agent: &mut Agent, explorer: &mut Explorer, grounder: &Arc<Grounder>, text: &str, end: Stamp) -> Result<Grounding, Halt> {
+    let mut grounded_at = Stamp(i64::MIN / 2);
+    let mut same_since: Option<(Stamp, Option<u64>, Option<u32>)> = None;
+    let mut enough = |map: &Arc<dsm::map::Map>| {
+        if map.stamp - grounded_at < GROUND_EVERY {
+            return false;
+        }
+        grounded_at = map.stamp;
+        let grounding = grounder.ground(map, text, None);
+        if grounding.status == GroundingStatus::Unparsed {
+            return true;
+        }
+        // A room is only known when the flat is.
+        if grounding.status != GroundingStatus::Found || grounding.score < SURE_SCORE || grounding.room_id.is_some() {
+            same_since = None;
+            return false;
+        }
+        let target = (grounding.object_id.map(|id| id.0), grounding.room_id.map(|id| id.0));
+        match same_since {
+            Some((since, object, room)) if (object, room) == target => map.stamp - since >= SURE_FOR,
+            _ => {
+                same_since = Some((map.stamp, target.0, target.1));
+                false
+            }
+        }
+    };
+    let outcome = explorer.run(agent, end, &mut enough)?;
+    let now_s = agent.now().as_s();
+    if outcome != ExploreOutcome::Enough {
+        agent.journal.note(now_s, format!("exploration ends: {outcome:?}"), None);
+    }
+    let viewer = agent.world_from_base()?;
+    let (map, grounder, text) = (agent.map().clone(), grounder.clone(), text.to_owned());
+    agent.plan(move || grounder.ground(&map, &text, Some(&viewer)))
+}
