@@ -34,7 +34,13 @@ fn frames(world: &World) -> Vec<(RgbdFrame, Detections)> {
         .map(|i| {
             let angle = -1.9 + 0.08 * i as f64;
             let pose = look_at([2.0 * angle.cos(), 2.0 * angle.sin(), 1.3], [0.0, 0.2, 0.8]);
-            world.render(model, i, i as f64 * 0.2, pose, Noise { position_m: 0.01, depth: true, seed: 1 })
+            world.render(
+                model,
+                i,
+                i as f64 * 0.2,
+                pose,
+                Noise { position_m: 0.01, depth: true, seed: 1, ..Noise::default() },
+            )
         })
         .collect()
 }

@@ -2,7 +2,7 @@
 
 mod footprint;
 
-pub use footprint::{convex_hull, distance_m, intersection_area_m2, smallest_rectangle_axis};
+pub use footprint::{convex_hull, distance_m, intersection_area_m2, rectangle_axis};
 
 use crate::Pose;
 use nalgebra::{Point2, Point3, Translation3, UnitQuaternion, Vector3};

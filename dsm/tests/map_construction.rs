@@ -11,6 +11,10 @@ use world::{Noise, Session, World};
 const RED: [u8; 3] = [200, 40, 40];
 const WOOD: [u8; 3] = [160, 110, 70];
 
+fn noise(position_m: f64, seed: u64) -> Noise {
+    Noise { position_m, depth: true, seed, ..Noise::default() }
+}
+
 fn box_iou(found: &dsm::map::MapObject, truth: &Aabb) -> f64 {
     found.bounds.iou(&(*truth).into())
 }
@@ -25,7 +29,7 @@ fn table_with_mugs() -> World {
 
 #[test]
 fn two_equal_mugs_side_by_side_stay_two_and_stand_on_the_table() {
-    for noise in [Noise::default(), Noise { position_m: 0.03, depth: true, seed: 7 }] {
+    for noise in [Noise::default(), noise(0.03, 7)] {
         let world = table_with_mugs();
         let mut session = Session::new(noise);
         session.circle(&world, [0.0, 0.0, 0.7], 1.7, 1.25, 24);
@@ -45,7 +49,7 @@ fn two_equal_mugs_side_by_side_stay_two_and_stand_on_the_table() {
 
 #[test]
 fn a_thing_seen_from_all_sides_is_one_object_with_a_tight_box() {
-    for (noise, least) in [(Noise::default(), 0.8), (Noise { position_m: 0.02, depth: true, seed: 3 }, 0.7)] {
+    for (noise, least) in [(Noise::default(), 0.8), (noise(0.02, 3), 0.7)] {
         let world = World::default().with_room([-3.0, -3.0], [3.0, 3.0]).with(
             "cabinet",
             [0.2, -0.1, 0.45],
@@ -63,7 +67,7 @@ fn a_thing_seen_from_all_sides_is_one_object_with_a_tight_box() {
 #[test]
 fn a_removed_thing_leaves_the_map_and_a_hidden_one_stays() {
     let mut world = table_with_mugs();
-    let mut session = Session::new(Noise { position_m: 0.01, depth: true, seed: 5 });
+    let mut session = Session::new(noise(0.01, 5));
     let (eye, target) = ([1.6, -1.0, 1.25], [0.0, -0.1, 0.7]);
     (0..8).for_each(|_| session.see(&world, eye, target));
     assert_eq!(session.named("mug").len(), 2);
@@ -83,7 +87,7 @@ fn a_removed_thing_leaves_the_map_and_a_hidden_one_stays() {
 #[test]
 fn looking_over_a_table_does_not_free_it() {
     let world = table_with_mugs();
-    let mut session = Session::new(Noise { position_m: 0.01, depth: true, seed: 1 });
+    let mut session = Session::new(noise(0.01, 1));
     session.circle(&world, [0.0, 0.0, 0.4], 2.0, 1.25, 30);
     let free = &session.map.free_space;
     assert_eq!(free.state_at(&Point2::new(0.3, 0.1)), CellState::Occupied);
@@ -109,7 +113,7 @@ fn two_rooms() -> World {
 #[test]
 fn rooms_joined_by_a_door_are_two_and_named_by_what_they_hold() {
     let world = two_rooms();
-    let mut session = Session::new(Noise { position_m: 0.01, depth: true, seed: 2 });
+    let mut session = Session::new(noise(0.01, 2));
     for center in [2.0, 3.4, 4.0, 4.6, 6.0] {
         for i in 0..16 {
             let angle = std::f64::consts::TAU * f64::from(i) / 16.0;
@@ -133,7 +137,7 @@ fn rooms_joined_by_a_door_are_two_and_named_by_what_they_hold() {
 fn same_input_gives_the_same_bytes() {
     let run = || {
         let world = table_with_mugs();
-        let mut session = Session::new(Noise { position_m: 0.03, depth: true, seed: 11 });
+        let mut session = Session::new(noise(0.03, 11));
         session.circle(&world, [0.0, 0.0, 0.7], 1.8, 1.25, 10);
         postcard::to_stdvec(&session.map).unwrap()
     };
@@ -145,7 +149,7 @@ fn same_input_gives_the_same_bytes() {
 #[test]
 fn a_loaded_map_is_taken_up_instead_of_doubled() {
     let world = table_with_mugs();
-    let mut session = Session::new(Noise { position_m: 0.01, depth: true, seed: 4 });
+    let mut session = Session::new(noise(0.01, 4));
     session.circle(&world, [0.0, 0.0, 0.7], 1.7, 1.25, 12);
     let mut again = Session::new(session.noise);
     again.map = session.map.clone();
@@ -177,4 +181,116 @@ fn hostile_frames_change_nothing_and_do_not_panic() {
     );
     frame.depth_m.pop();
     assert!(session.builder.observe(&session.map, &frame, &detections, &carrier).changes.is_empty());
+}
+
+fn home() -> World {
+    let white = [228, 228, 225];
+    World::default()
+        .with_room([0.0, 0.0], [8.0, 4.0])
+        .with_wall([4.0, 0.775, 1.25], [0.1, 1.55, 2.5])
+        .with_wall([4.0, 3.225, 1.25], [0.1, 1.55, 2.5])
+        .with("bed", [1.2, 3.2, 0.25], [2.0, 1.5, 0.5], [60, 80, 190])
+        .with("wardrobe", [0.3, 0.8, 0.95], [0.6, 1.2, 1.9], [120, 80, 50])
+        .with("desk", [3.2, 0.4, 0.37], [1.2, 0.6, 0.74], WOOD)
+        .with("laptop", [3.2, 0.4, 0.77], [0.33, 0.23, 0.06], [60, 60, 65])
+        .with("mug", [2.8, 0.45, 0.79], [0.08, 0.08, 0.10], RED)
+        .with("book", [3.65, 0.35, 0.76], [0.15, 0.22, 0.04], [30, 120, 60])
+        .with("pillow", [0.5, 3.0, 0.56], [0.4, 0.6, 0.12], white)
+        .with("pillow", [0.5, 3.65, 0.56], [0.4, 0.6, 0.12], white)
+        .with("stove", [7.7, 0.4, 0.45], [0.6, 0.6, 0.9], white)
+        .with("cabinet", [7.0, 0.35, 0.45], [0.75, 0.6, 0.9], [200, 190, 170])
+        .with("cabinet", [6.2, 0.35, 0.45], [0.8, 0.6, 0.9], [200, 190, 170])
+        .with("bowl", [6.9, 0.35, 0.94], [0.16, 0.16, 0.08], [230, 200, 40])
+        .with("bottle", [6.5, 0.3, 1.03], [0.08, 0.08, 0.26], [30, 140, 60])
+        .with("mug", [6.1, 0.4, 0.95], [0.08, 0.08, 0.10], [40, 80, 200])
+        .with("mug", [6.25, 0.4, 0.95], [0.08, 0.08, 0.10], [40, 80, 200])
+        .with("fridge", [7.6, 3.5, 0.9], [0.65, 0.65, 1.8], [235, 235, 235])
+        .with("dining table", [5.7, 2.8, 0.375], [1.2, 0.8, 0.75], WOOD)
+        .with("chair", [5.3, 2.1, 0.42], [0.42, 0.42, 0.84], [150, 60, 40])
+        .with("chair", [5.3, 3.5, 0.42], [0.42, 0.42, 0.84], [150, 60, 40])
+        .with("plate", [5.5, 2.8, 0.765], [0.24, 0.24, 0.03], white)
+        .with("apple", [6.0, 2.9, 0.785], [0.07, 0.07, 0.07], RED)
+}
+
+/// A tour through both rooms, looking all around from eight places.
+fn tour(session: &mut Session, world: &World) {
+    for [x, y] in [[2.0, 2.0], [1.4, 1.5], [2.8, 1.6], [3.4, 2.0], [4.0, 2.0], [4.6, 2.0], [6.7, 1.5], [6.9, 2.3]] {
+        for i in 0..24 {
+            let angle = std::f64::consts::TAU * f64::from(i) / 24.0;
+            session.see(world, [x, y, 1.25], [x + angle.cos(), y + angle.sin(), 0.9]);
+        }
+    }
+}
+
+/// Objects found, duplicates, ghosts and mean IoU of the found ones, against truth.
+fn score(session: &Session, world: &World) -> (usize, usize, usize, f64) {
+    let truths: Vec<_> = world.blocks.iter().filter(|b| b.name.is_some()).collect();
+    let mut taken = vec![0usize; truths.len()];
+    let (mut ghosts, mut sum) = (0, 0.0);
+    for object in session.map.stable_objects() {
+        let best = (0..truths.len())
+            .map(|i| (box_iou(object, &truths[i].bounds), i))
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .filter(|(iou, i)| *iou > 0.1 || truths[*i].bounds.contains(&object.bounds.center));
+        match best {
+            Some((iou, i)) => {
+                taken[i] += 1;
+                sum += iou;
+            }
+            None => ghosts += 1,
+        }
+    }
+    let found = taken.iter().filter(|n| **n > 0).count();
+    (found, taken.iter().map(|n| n.saturating_sub(1)).sum(), ghosts, sum / taken.iter().sum::<usize>().max(1) as f64)
+}
+
+#[test]
+fn a_noisy_tour_finds_everything_once_with_its_relations_and_colours() {
+    let world = home();
+    for (position_m, least_iou) in [(0.01, 0.66), (0.03, 0.60)] {
+        let noise = Noise { position_m, attitude_rad: position_m * 0.3, depth: true, detector: true, seed: 9 };
+        let mut session = Session::new(noise);
+        tour(&mut session, &world);
+        let (found, duplicates, ghosts, iou) = score(&session, &world);
+        assert_eq!((found, duplicates, ghosts), (21, 0, 0), "{position_m} m, mean IoU {iou:.3}");
+        assert!(iou > least_iou, "{position_m} m: mean IoU {iou:.3}");
+        let rests = |upper: &str, lower: &str| {
+            let uppers = session.named(upper);
+            let on_lower = |id| {
+                session.map.relations.iter().any(|r| {
+                    r.from == id
+                        && r.kind == RelationKind::On
+                        && session.map.find_object(r.to).is_some_and(|o| o.name() == lower)
+                })
+            };
+            uppers.iter().filter(|o| on_lower(o.id)).count()
+        };
+        let resting =
+            [("laptop", "desk"), ("book", "desk"), ("bowl", "cabinet"), ("plate", "dining table"), ("pillow", "bed")]
+                .map(|(upper, lower)| rests(upper, lower));
+        assert_eq!(resting, [1, 1, 1, 1, 2], "{position_m} m");
+        assert_eq!((rests("mug", "cabinet"), rests("mug", "desk"), rests("chair", "dining table")), (2, 1, 0));
+        let color =
+            |name: &str| session.named(name)[0].attributes.find(AttributeKind::Appearance, "color").map(str::to_owned);
+        let colors =
+            ["apple", "bed", "book", "bowl", "bottle", "dining table", "plate"].map(|name| color(name).unwrap());
+        assert_eq!(colors, ["red", "blue", "green", "yellow", "green", "brown", "white"]);
+    }
+}
+
+#[test]
+fn what_carries_the_camera_stays_out_of_the_map() {
+    let world = table_with_mugs().with("mug", [0.9, 0.0, 1.0], [0.1, 0.1, 0.1], RED);
+    let arm = dsm::geometry::OrientedBox::from(world.blocks.last().unwrap().bounds.grown(0.02));
+    let carrier = dsm::build::Carrier { bodies: vec![arm], footprint: Some((Point2::new(1.7, 0.0), 0.3)) };
+    let mut session = Session::new(Noise::default());
+    for i in 0..5 {
+        let pose = world::look_at([1.7, 0.0, 1.25], [0.0, 0.0, 0.7]);
+        let (frame, detections) = world.render(world::camera_model(), i, i as f64 * 0.2, pose, Noise::default());
+        let update = session.builder.observe(&session.map, &frame, &detections, &carrier);
+        session.map.apply(update);
+    }
+    assert_eq!(session.named("mug").len(), 2, "the third is held by the carrier");
+    assert_eq!(session.map.free_space.state_at(&Point2::new(1.7, 0.0)), CellState::Free);
+    assert_ne!(session.map.free_space.state_at(&Point2::new(0.9, 0.0)), CellState::Occupied);
 }

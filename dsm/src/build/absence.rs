@@ -4,6 +4,7 @@ use super::config::BuildConfig;
 use super::draft::Draft;
 use super::observation::depth_noise_m;
 use super::track::Track;
+use crate::Pose;
 use crate::frame::RgbdFrame;
 use crate::map::{MapObject, ObjectId, ObjectState, RemovalReason};
 use nalgebra::Point3;
@@ -31,8 +32,9 @@ pub(super) fn remove_absent(
     draft: &mut Draft,
     tracks: &mut BTreeMap<ObjectId, Track>,
     frame: &RgbdFrame,
+    world_from_camera: &Pose,
 ) {
-    let camera_from_world = frame.world_from_camera.inverse();
+    let camera_from_world = world_from_camera.inverse();
     let mut gone = Vec::new();
     for (&id, track) in tracks.iter_mut() {
         let Some(object) = draft.find(id) else { continue };
@@ -66,7 +68,7 @@ pub(super) fn remove_absent(
     }
 }
 
-fn presence(config: &BuildConfig, object: &MapObject, frame: &RgbdFrame, camera_from_world: &crate::Pose) -> Presence {
+fn presence(config: &BuildConfig, object: &MapObject, frame: &RgbdFrame, camera_from_world: &Pose) -> Presence {
     let largest = object.bounds.size.max();
     let margin = (0.5 * largest).clamp(0.04, config.absent_depth_m);
     let (mut tested, mut present, mut passed) = (0usize, 0usize, 0usize);

@@ -18,7 +18,7 @@ pub(super) fn find_score(
     object: &MapObject,
     aabb: &Aabb,
 ) -> Option<f64> {
-    let geometric = find_geometric_score(config, &observation.bounds, aabb)?;
+    let geometric = find_geometric_score(config, &observation.bounds, aabb, observation.distance_m)?;
     let visual = cosine(&observation.visual_feature, &object.visual_feature);
     let text = cosine(&observation.text_feature, &object.text_feature);
     let counted = |score: f64, threshold: f64| if score >= threshold { score } else { 0.0 };
@@ -31,11 +31,12 @@ pub(super) fn find_score(
 
 /// s_g of two boxes grown by the pose tolerance on every side, and the gate by place:
 /// - the common volume must be a fifth of the smaller one's, else `None`;
-/// - if both are small, their centres must be closer than half their mean width plus 2 cm, else `None`, and s_g is at
+/// - if both are small, their centres must be closer than half their mean width plus 2 cm plus 6 mm per metre of
+///   distance (attitude error), but not more than that width, else `None`, and s_g is at
 ///   least `1 - d / (that distance + mean width)`: the IoU of mugs drops to nothing at 3 cm of pose error;
 /// - s_g0 when one box lies inside the other (95 % of its volume), if that is more than the IoU;
 /// - the IoU otherwise.
-fn find_geometric_score(config: &BuildConfig, first: &Aabb, second: &Aabb) -> Option<f64> {
+fn find_geometric_score(config: &BuildConfig, first: &Aabb, second: &Aabb, distance_m: f64) -> Option<f64> {
     let (a, b) = (first.grown(config.pose_tolerance_m), second.grown(config.pose_tolerance_m));
     let common = a.find_intersection(&b)?.volume_m3();
     let share = common / a.volume_m3().min(b.volume_m3()).max(1e-12);
@@ -49,7 +50,7 @@ fn find_geometric_score(config: &BuildConfig, first: &Aabb, second: &Aabb) -> Op
     let (sides, other_sides) = (first.size(), second.size());
     if sides.max() < config.small_object_m && other_sides.max() < config.small_object_m {
         let width = 0.25 * (sides.x + sides.y + other_sides.x + other_sides.y);
-        let reach = 0.5 * width + 0.02;
+        let reach = (0.5 * width + 0.02 + 0.006 * distance_m).min(width.max(0.05));
         let distance = (first.center() - second.center()).norm();
         if (first.center() - second.center()).xy().norm() > reach {
             return None;
@@ -101,10 +102,10 @@ mod tests {
     #[test]
     fn place_rules_out_the_neighbour_but_not_a_shifted_view() {
         let config = BuildConfig::default();
-        assert!(find_geometric_score(&config, &cube(0.0, 0.08), &cube(0.10, 0.08)).is_none());
-        let shifted = find_geometric_score(&config, &cube(0.0, 0.08), &cube(0.03, 0.08)).unwrap();
+        assert!(find_geometric_score(&config, &cube(0.0, 0.08), &cube(0.10, 0.08), 2.0).is_none());
+        let shifted = find_geometric_score(&config, &cube(0.0, 0.08), &cube(0.03, 0.08), 2.0).unwrap();
         assert!(shifted > 0.5, "{shifted}");
-        assert!(find_geometric_score(&config, &cube(0.0, 0.6), &cube(0.62, 0.6)).is_none());
+        assert!(find_geometric_score(&config, &cube(0.0, 0.6), &cube(0.62, 0.6), 2.0).is_none());
     }
 
     proptest! {

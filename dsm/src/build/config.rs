@@ -28,11 +28,14 @@ macro_rules! parameters {
                 #[doc = concat!(" Default ", stringify!($default), ", range ", stringify!($low), " to ", stringify!($high), ".")]
                 pub $name: $kind,
             )*
+            /// Whether the pose error of each frame is taken out by laying its observations onto the known objects.
+            /// Default true.
+            pub align: bool,
         }
 
         impl Default for BuildConfig {
             fn default() -> Self {
-                Self { $($name: $default,)* }
+                Self { $($name: $default,)* align: true }
             }
         }
 

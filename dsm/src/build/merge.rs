@@ -5,7 +5,7 @@ use super::draft::Draft;
 use super::track::{Track, blend};
 use crate::map::{MapObject, ObjectId, ObjectState, RemovalReason};
 use crate::perceive::cosine;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Common volume over the smaller box from which two objects of one name are one.
 const SAME_NAME_OVERLAP: f64 = 0.5;
@@ -32,7 +32,7 @@ pub(super) fn merge_duplicates(
         let rival = tracks
             .iter()
             .filter(|(other, t)| {
-                **other != id && t.aabb.grown(config.pose_tolerance_m).find_intersection(&track.aabb).is_some()
+                **other != id && t.aabb.grown(2.0 * config.pose_tolerance_m).find_intersection(&track.aabb).is_some()
             })
             .find(|(other, t)| match (draft.find(id), draft.find(**other)) {
                 (Some(a), Some(b)) => is_same(config, a, track, b, t),
@@ -57,14 +57,19 @@ fn is_same(config: &BuildConfig, a: &MapObject, a_track: &Track, b: &MapObject, 
     let smaller = a.bounds.volume_m3().min(b.bounds.volume_m3()).max(1e-9);
     let overlap = common / smaller;
     let mutual = a.bounds.contains(&b.bounds.center, 0.0) && b.bounds.contains(&a.bounds.center, 0.0);
+    let together = seen_together(a_track, b_track);
+    let same_name = cosine(&a.text_feature, &b.text_feature) >= config.text_threshold || a.name() == b.name();
+    // A thing put beside itself by a pose error is never seen together with itself.
+    if same_name && together == 0 && is_beside(config, a_track, b_track) {
+        return true;
+    }
     if !mutual && overlap < SAME_NAME_OVERLAP {
         return false;
     }
     let text = cosine(&a.text_feature, &b.text_feature);
     let visual = cosine(&a.visual_feature, &b.visual_feature);
     let iou = common / (a.bounds.volume_m3() + b.bounds.volume_m3() - common).max(1e-9);
-    let together = seen_together(a_track, b_track);
-    if text >= config.text_threshold || a.name() == b.name() {
+    if same_name {
         return if together >= 2 { overlap >= SEEN_APART_OVERLAP } else { true };
     }
     if together >= 2 {
@@ -74,10 +79,19 @@ fn is_same(config: &BuildConfig, a: &MapObject, a_track: &Track, b: &MapObject, 
         || text >= RELATED_NAMES && visual >= SAME_LOOK && overlap >= SEEN_APART_OVERLAP
 }
 
-/// In how many frames of their windows both were seen.
+/// Whether two small things stand closer than their mean width plus 3 cm, at one height.
+fn is_beside(config: &BuildConfig, a: &Track, b: &Track) -> bool {
+    let (sides, other_sides) = (a.aabb.size(), b.aabb.size());
+    let width = 0.25 * (sides.x + sides.y + other_sides.x + other_sides.y);
+    let offset = a.aabb.center() - b.aabb.center();
+    sides.max().max(other_sides.max()) < config.small_object_m
+        && offset.xy().norm() < width + 0.03
+        && offset.z.abs() < 0.5 * sides.z.max(other_sides.z)
+}
+
+/// In how many of the frames that both remember both were seen.
 fn seen_together(a: &Track, b: &Track) -> usize {
-    let frames: Vec<_> = a.window.frames().collect();
-    b.window.frames().filter(|frame| frames.contains(frame)).count()
+    b.seen.iter().filter(|frame| a.seen.binary_search(frame).is_ok()).count()
 }
 
 fn merge(
@@ -101,6 +115,7 @@ fn merge(
     blend(&mut target.visual_feature, &source.visual_feature, part);
     blend(&mut target.text_feature, &source.text_feature, part);
     target.observations += source.observations;
+    track.seen = track.seen.iter().chain(&gone.seen).copied().collect::<BTreeSet<_>>().into_iter().collect();
     target.first_seen = target.first_seen.min(source.first_seen);
     target.last_seen = target.last_seen.max(source.last_seen);
     if source.state == ObjectState::Stable || target.observations >= config.stable_observations {

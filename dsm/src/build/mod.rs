@@ -11,6 +11,7 @@
 //! that left it is forgotten, an object that it did not make is taken up.
 
 mod absence;
+mod align;
 mod associate;
 mod carrier;
 mod cell_grid;
@@ -29,9 +30,10 @@ mod window;
 pub use carrier::Carrier;
 pub use config::{BuildConfig, BuildConfigError};
 
+use crate::Pose;
 use crate::frame::RgbdFrame;
 use crate::knowledge::Knowledge;
-use crate::map::{FreeSpace, Map, MapChange, MapUpdate, ObjectId, Room};
+use crate::map::{FreeSpace, Map, MapChange, MapUpdate, ObjectId, ObjectState, Room};
 use crate::perceive::{
     ColorShapeEncoder, Describer, Detections, KnowledgeDescriber, KnowledgeTextEncoder, TextEncoder, VisualEncoder,
 };
@@ -96,15 +98,19 @@ impl MapBuilder {
         self.follow(map);
         let mut draft = Draft::new(map);
         // Single view parsing.
-        let observations = self.parse(frame, detections, carrier);
-        // Multi view mapping: associate one to one, fuse, start new objects.
+        let mut observations = self.parse(frame, detections, carrier);
+        // Pose error of this frame, from what it shows of known objects.
         let assigned = self.associate(&draft, &observations);
+        let correction = self.correct(&draft, frame, &mut observations, &assigned);
+        // Multi view mapping: associate one to one, fuse, start new objects.
+        let assigned = if correction.is_some() { self.associate(&draft, &observations) } else { assigned };
+        let world_from_camera = correction.unwrap_or_default() * frame.world_from_camera;
         let touched = self.fuse(&mut draft, frame, observations, assigned);
         // Clean-up: duplicates, what is gone, what was never confirmed.
         merge::merge_duplicates(&self.config, &mut draft, &mut self.tracks, &touched);
-        absence::remove_absent(&self.config, &mut draft, &mut self.tracks, frame);
+        absence::remove_absent(&self.config, &mut draft, &mut self.tracks, frame, &world_from_camera);
         // Surroundings: free space, rooms, relations.
-        let cells = self.occupancy.observe(&self.config, frame, carrier, &map.free_space);
+        let cells = self.occupancy.observe(&self.config, frame, &world_from_camera, carrier, &map.free_space);
         let rooms = self.divide_rooms(map, &mut draft, frame, cells.as_ref());
         let relations = relations::relate(&self.config, &self.knowledge, &draft, &mut self.tracks);
         let mut changes = draft.into_changes();
@@ -161,6 +167,26 @@ impl MapBuilder {
         }
         let assigned = associate::assign(observations.len(), candidates.len(), &scores);
         assigned.into_iter().map(|candidate| candidate.map(|c| candidates[c])).collect()
+    }
+
+    /// Moves the observations by the frame's pose error, if it can be told.
+    fn correct(
+        &self,
+        draft: &Draft,
+        frame: &RgbdFrame,
+        observations: &mut [Observation],
+        assigned: &[Option<ObjectId>],
+    ) -> Option<Pose> {
+        if !self.config.align {
+            return None;
+        }
+        let stable = |id: &ObjectId| draft.find(*id).filter(|object| object.state == ObjectState::Stable);
+        let pairs: Vec<_> =
+            observations.iter().zip(assigned).filter_map(|(o, id)| Some((o, stable(id.as_ref()?)?))).collect();
+        let eye = frame.world_from_camera.translation.vector.into();
+        let correction = align::find_correction(&pairs, &eye)?;
+        observations.iter_mut().for_each(|observation| observation.transform(&correction));
+        Some(correction)
     }
 
     /// Fuses observations into their objects and starts new ones; returns the objects that were touched.

@@ -3,6 +3,7 @@
 use super::carrier::Carrier;
 use super::config::BuildConfig;
 use super::view::View;
+use crate::Pose;
 use crate::frame::RgbdFrame;
 use crate::geometry::Aabb;
 use crate::map::MapPoint;
@@ -23,10 +24,24 @@ pub(super) struct Observation {
     pub(super) weight: f32,
     pub(super) points: Vec<MapPoint>,
     pub(super) bounds: Aabb,
+    /// Mean depth, metres.
+    pub(super) distance_m: f64,
     pub(super) visual_feature: Vec<f32>,
     pub(super) text_feature: Vec<f32>,
     pub(super) attributes: Vec<AttributeVote>,
     pub(super) view: View,
+}
+
+impl Observation {
+    /// Moves it by a correction of the frame's pose.
+    pub(super) fn transform(&mut self, correction: &Pose) {
+        let motion = correction.cast::<f32>();
+        self.points.iter_mut().for_each(|point| point.position = motion * point.position);
+        if let Some(bounds) = robust_aabb(&self.points) {
+            self.bounds = bounds;
+        }
+        self.view.transform(&motion);
+    }
 }
 
 /// Encoders used on every view.
@@ -66,6 +81,7 @@ pub(super) fn find_observation(
         view: View::new(frame, &mask),
         points,
         bounds,
+        distance_m: depth,
     })
 }
 
@@ -121,9 +137,8 @@ impl MaskBitmap {
     /// Pixels to leave out at the border, where masks and depth mix two surfaces.
     fn erosion(&self) -> isize {
         match self.area {
-            0..200 => 1,
-            200..1500 => 2,
-            _ => 3,
+            0..400 => 1,
+            _ => 2,
         }
     }
 }

@@ -6,6 +6,7 @@
 use super::carrier::Carrier;
 use super::cell_grid::CellGrid;
 use super::config::BuildConfig;
+use crate::Pose;
 use crate::frame::RgbdFrame;
 use crate::map::{CellState, FreeSpace, MapChange};
 use nalgebra::{Point2, Point3};
@@ -62,10 +63,11 @@ impl Occupancy {
         &mut self,
         config: &BuildConfig,
         frame: &RgbdFrame,
+        world_from_camera: &Pose,
         carrier: &Carrier,
         known: &FreeSpace,
     ) -> Option<MapChange> {
-        let looks = look(config, frame, carrier, known);
+        let looks = look(config, frame, world_from_camera, carrier, known);
         let mut changes = Vec::new();
         for (index, look) in looks.values().iter().enumerate() {
             if look.floor == 0 && look.crossed == 0 && look.hits == [0; BANDS] {
@@ -149,13 +151,19 @@ fn band_of(config: &BuildConfig, height_m: f64) -> Option<usize> {
 }
 
 /// What a frame says about the columns around its camera.
-fn look(config: &BuildConfig, frame: &RgbdFrame, carrier: &Carrier, known: &FreeSpace) -> CellGrid<Look> {
-    let eye = Point3::from(frame.world_from_camera.translation.vector);
+fn look(
+    config: &BuildConfig,
+    frame: &RgbdFrame,
+    world_from_camera: &Pose,
+    carrier: &Carrier,
+    known: &FreeSpace,
+) -> CellGrid<Look> {
+    let eye = Point3::from(world_from_camera.translation.vector);
     let reach = config.max_floor_depth_m * 1.5;
     let low = known.cell_at(&Point2::new(eye.x - reach, eye.y - reach));
     let high = known.cell_at(&Point2::new(eye.x + reach, eye.y + reach));
     let mut looks: CellGrid<Look> = CellGrid::covering(low, [high[0] + 1, high[1] + 1]);
-    let rotation = frame.world_from_camera.rotation.to_rotation_matrix();
+    let rotation = world_from_camera.rotation.to_rotation_matrix();
     let (width, height) = (frame.model.width as usize, frame.model.height as usize);
     let stride = (width / POINTS_ACROSS).max(1);
     for row in (0..height).step_by(stride) {

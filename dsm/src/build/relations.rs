@@ -142,7 +142,7 @@ fn relate_pair(
     let holds = b.volume_m3() < 0.7 * a.volume_m3() && a.intersection_volume_m3(b) >= INSIDE * b.volume_m3();
     let apart = on.is_none() && under.is_none() && !inside && !holds;
     if apart && shared_height > 0.3 {
-        let reach = (0.5 * (a.size.xy().norm() + b.size.xy().norm()) * 0.5).clamp(0.15, 0.6);
+        let reach = (0.25 * (a.size.xy().norm() + b.size.xy().norm())).clamp(0.15, 0.6);
         if side_gap <= reach && overlap < OVERLAP {
             say(RelationKind::NextTo, 1.0 - 0.5 * side_gap / reach);
         }

@@ -3,10 +3,15 @@
 use super::config::BuildConfig;
 use super::observation::{Observation, robust_aabb};
 use super::window::Window;
+use crate::frame::FrameId;
 use crate::geometry::{Aabb, OrientedBox};
 use crate::map::{MapObject, ObjectId, ObjectState, Votes};
 use crate::perceive::normalize;
 use crate::time::Stamp;
+use std::collections::VecDeque;
+
+/// Frames remembered to tell two things seen together from one thing seen twice.
+const SEEN_FRAMES: usize = 64;
 
 /// Builder's memory of one object.
 #[derive(Clone, Debug)]
@@ -18,6 +23,8 @@ pub(super) struct Track {
     pub(super) surfaces: Vec<f64>,
     /// Frames in a row that saw through it.
     pub(super) absent: u32,
+    /// The last frames that showed it, oldest first.
+    pub(super) seen: VecDeque<FrameId>,
     /// Box and name when its relations were last computed.
     pub(super) related: Option<(OrientedBox, String)>,
 }
@@ -28,7 +35,7 @@ impl Track {
         let aabb = robust_aabb(&object.points).unwrap_or_else(|| object.bounds.aabb());
         let mut window = Window::from_points(&object.points, &aabb);
         let surfaces = window.find_shape(config).map_or_else(|| vec![object.bounds.top_m()], |shape| shape.surfaces);
-        Self { window, aabb, surfaces, absent: 0, related: None }
+        Self { window, aabb, surfaces, absent: 0, seen: VecDeque::new(), related: None }
     }
 
     /// The first observation of a new object.
@@ -43,6 +50,7 @@ impl Track {
             aabb: observation.bounds,
             surfaces: Vec::new(),
             absent: 0,
+            seen: VecDeque::new(),
             related: None,
         };
         let mut object = MapObject {
@@ -71,6 +79,10 @@ impl Track {
         observation: Observation,
     ) -> bool {
         self.absent = 0;
+        self.seen.push_back(observation.view.frame);
+        if self.seen.len() > SEEN_FRAMES {
+            self.seen.pop_front();
+        }
         self.window.add(config, observation.view, &observation.points, &self.aabb.center());
         let weight = observation.weight.max(1e-3);
         object.names.add(&observation.name, weight);

@@ -3,7 +3,7 @@
 use super::observation::{MaskBitmap, depth_noise_m};
 use crate::camera::CameraModel;
 use crate::frame::{FrameId, RgbdFrame};
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 /// Cells along the longer side of the copy.
 const CELLS: usize = 40;
@@ -74,6 +74,14 @@ impl View {
         }
     }
 
+    /// Moves the camera by a correction of its pose.
+    pub(super) fn transform(&mut self, correction: &Isometry3<f32>) {
+        let inverse = correction.inverse();
+        self.eye = correction * self.eye;
+        self.translation += self.camera_from_world * inverse.translation.vector;
+        self.camera_from_world *= inverse.rotation.to_rotation_matrix().into_inner();
+    }
+
     /// What the view says about a surface at `point` in the world frame, known to `tolerance_m`.
     pub(super) fn testify(&self, point: &Point3<f32>, tolerance_m: f32) -> Evidence {
         let p = self.camera_from_world * point.coords + self.translation;
@@ -91,7 +99,7 @@ impl View {
         }
         let cell = self.cells[row * self.columns + column];
         let depth = cell.abs();
-        let tolerance = tolerance_m + depth_noise_m(f64::from(p.z)) as f32;
+        let tolerance = tolerance_m + 0.6 * depth_noise_m(f64::from(p.z)) as f32;
         if depth == 0.0 || depth < p.z - tolerance {
             Evidence::Silent
         } else if cell > 0.0 && depth <= p.z + tolerance {

@@ -6,23 +6,31 @@
 //! observation costs two tests per voxel, however long the window is.
 
 use super::config::BuildConfig;
-use super::observation::{find_percentiles, robust_aabb};
+use super::observation::{depth_noise_m, find_percentiles, robust_aabb};
 use super::view::{Evidence, View};
-use crate::geometry::{Aabb, OrientedBox, convex_hull, smallest_rectangle_axis};
+use crate::geometry::{Aabb, OrientedBox, convex_hull, rectangle_axis};
 use crate::map::MapPoint;
 use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
 
 /// Tolerance of a voxel test beside the voxel's size and the depth noise: the pose error within the window, metres.
-const POSE_TOLERANCE_M: f32 = 0.03;
-/// Points averaged into a voxel before newer ones push older ones out.
-const MEMORY: u16 = 32;
+const POSE_TOLERANCE_M: f32 = 0.015;
+/// Weight averaged into a voxel before newer points push older ones out.
+const MEMORY: f32 = 32.0;
+/// Share of the mean weight that a voxel of a small thing needs: depth noise spreads a thin fringe around a surface that is
+/// measured often.
+const FRINGE: f32 = 0.3;
+/// The same for larger things, whose far parts are seen seldom without being wrong.
+const LARGE_FRINGE: f32 = 0.05;
 
 #[derive(Clone, Debug)]
 struct Voxel {
     key: [i32; 3],
     position: Point3<f32>,
     color: [f32; 3],
-    samples: u16,
+    /// Sum of the weights of its points, at most [`MEMORY`].
+    weight: f32,
+    /// New in this frame: not yet tested against the window.
+    fresh: bool,
     /// Views that agree, with one for what was known before the window.
     hits: u16,
     chances: u16,
@@ -58,26 +66,22 @@ impl Window {
     /// A window that remembers points without their views.
     pub(super) fn from_points(points: &[MapPoint], extent: &Aabb) -> Self {
         let mut window = Self::new(extent);
-        window.insert(points, 1);
-        window.voxels.iter_mut().for_each(|v| (v.hits, v.chances) = (1, 1));
+        window.insert(points, 1.0, 1);
+        window.voxels.iter_mut().for_each(|v| v.fresh = false);
         window
     }
 
-    /// Frames of its views, oldest first.
-    pub(super) fn frames(&self) -> impl Iterator<Item = crate::frame::FrameId> + '_ {
-        self.views.iter().map(|view| view.frame)
-    }
-
-    /// Adds a view with its points and evicts what exceeds the window.
+    /// Adds a view with its points and evicts what exceeds the window. Points count by the square of their accuracy.
     pub(super) fn add(&mut self, config: &BuildConfig, view: View, points: &[MapPoint], center: &Point3<f64>) {
         self.testify(&view, 1);
-        self.insert(points, 0);
+        let distance_m = (view.eye.cast::<f64>() - center).norm();
+        let accuracy = depth_noise_m(0.0) / depth_noise_m(distance_m);
+        self.insert(points, (accuracy * accuracy) as f32, 0);
         self.views.push(view);
         let (voxel_m, views) = (self.voxel_m, &self.views);
-        self.voxels.iter_mut().filter(|v| v.samples == 0).for_each(|v| {
-            (v.hits, v.chances) = (0, 0);
+        self.voxels.iter_mut().filter(|v| v.fresh).for_each(|v| {
             views.iter().for_each(|view| count(v, view, voxel_m, 1));
-            v.samples = 1;
+            v.fresh = false;
         });
         self.evict(config, center);
         if self.voxels.len() > 3 * config.max_points {
@@ -87,12 +91,12 @@ impl Window {
 
     /// Takes over all that another window knows.
     pub(super) fn absorb(&mut self, config: &BuildConfig, other: Self, center: &Point3<f64>) {
-        let points: Vec<MapPoint> = other.voxels.iter().filter(|v| is_kept(v, config)).map(Voxel::point).collect();
+        let points = other.kept_points(config);
         if other.voxel_m > self.voxel_m {
             self.coarsen(other.voxel_m);
         }
-        self.insert(&points, 1);
-        self.voxels.iter_mut().for_each(|v| v.samples = v.samples.max(1));
+        self.insert(&points, 1.0, 1);
+        self.voxels.iter_mut().for_each(|v| v.fresh = false);
         self.views.extend(other.views);
         self.views.sort_by_key(|view| view.frame);
         self.recount();
@@ -101,12 +105,12 @@ impl Window {
 
     /// The surface that enough views agree on; `None` when nothing is left.
     pub(super) fn find_shape(&mut self, config: &BuildConfig) -> Option<Shape> {
-        let mut points: Vec<MapPoint> = self.voxels.iter().filter(|v| is_kept(v, config)).map(Voxel::point).collect();
+        let mut points = self.kept_points(config);
         let aabb = robust_aabb(&points)?;
         let wanted = voxel_size_m(&aabb);
         if wanted > self.voxel_m {
             self.coarsen(wanted);
-            points = self.voxels.iter().filter(|v| is_kept(v, config)).map(Voxel::point).collect();
+            points = self.kept_points(config);
         }
         let bounds = upright_box(&points, &aabb, f64::from(self.voxel_m))?;
         let surfaces = find_surfaces(&points, &bounds, f64::from(self.voxel_m));
@@ -117,14 +121,23 @@ impl Window {
         Some(Shape { points, bounds, aabb, surfaces })
     }
 
+    /// Points of the voxels that enough views agree on and that are no fringe.
+    fn kept_points(&self, config: &BuildConfig) -> Vec<MapPoint> {
+        let kept = || self.voxels.iter().filter(|v| is_kept(v, config));
+        let (sum, count) = kept().fold((0.0, 0), |(sum, count), v| (sum + v.weight, count + 1));
+        let fringe = if self.voxel_m < 0.015 { FRINGE } else { LARGE_FRINGE };
+        let least = fringe * sum / count.max(1) as f32;
+        kept().filter(|v| v.weight >= least).map(Voxel::point).collect()
+    }
+
     /// Counts the evidence of a view into all voxels (`sign` 1) or out of them (-1).
     fn testify(&mut self, view: &View, sign: i16) {
         let voxel_m = self.voxel_m;
         self.voxels.iter_mut().for_each(|voxel| count(voxel, view, voxel_m, sign));
     }
 
-    /// Adds points; new voxels are marked by `samples == 0` and take `remembered`.
-    fn insert(&mut self, points: &[MapPoint], remembered: u16) {
+    /// Adds points of one weight; new voxels are marked fresh and take `remembered`.
+    fn insert(&mut self, points: &[MapPoint], weight: f32, remembered: u16) {
         let mut keyed: Vec<([i32; 3], &MapPoint)> = points.iter().map(|p| (self.key(&p.position), p)).collect();
         keyed.sort_by_key(|(key, _)| *key);
         let known = self.voxels.len();
@@ -134,15 +147,16 @@ impl Window {
                 cursor += 1;
             }
             if cursor < known && self.voxels[cursor].key == key {
-                self.voxels[cursor].blend(point);
+                self.voxels[cursor].blend(point, weight);
             } else if let Some(last) = self.voxels[known..].last_mut().filter(|v| v.key == key) {
-                last.blend_new(point);
+                last.blend(point, weight);
             } else {
                 self.voxels.push(Voxel {
                     key,
                     position: point.position,
                     color: point.color.map(f32::from),
-                    samples: 0,
+                    weight,
+                    fresh: true,
                     hits: remembered,
                     chances: remembered,
                     remembered,
@@ -178,12 +192,15 @@ impl Window {
         let old = std::mem::take(&mut self.voxels);
         self.voxel_m = voxel_m;
         let points: Vec<MapPoint> = old.iter().map(Voxel::point).collect();
-        self.insert(&points, 0);
-        self.voxels.iter_mut().for_each(|v| v.samples = 1);
-        for voxel in old.iter().filter(|v| v.remembered > 0) {
+        self.insert(&points, 0.0, 0);
+        for voxel in &mut self.voxels {
+            voxel.fresh = false;
+        }
+        for voxel in &old {
             let key = self.key(&voxel.position);
             if let Ok(i) = self.voxels.binary_search_by_key(&key, |v| v.key) {
-                self.voxels[i].remembered = 1;
+                self.voxels[i].remembered = self.voxels[i].remembered.max(voxel.remembered);
+                self.voxels[i].weight = (self.voxels[i].weight + voxel.weight).min(MEMORY);
             }
         }
         self.recount();
@@ -204,17 +221,11 @@ impl Voxel {
         MapPoint { position: self.position, color: self.color.map(|c| c.round() as u8) }
     }
 
-    fn blend(&mut self, point: &MapPoint) {
-        self.samples = (self.samples + 1).min(MEMORY);
-        let part = 1.0 / f32::from(self.samples);
+    fn blend(&mut self, point: &MapPoint, weight: f32) {
+        self.weight = (self.weight + weight).min(MEMORY);
+        let part = weight / self.weight.max(1e-6);
         self.position += (point.position - self.position) * part;
         self.color.iter_mut().zip(point.color).for_each(|(c, new)| *c += (f32::from(new) - *c) * part);
-    }
-
-    /// Averages into a voxel that is new in this frame without ending its mark.
-    fn blend_new(&mut self, point: &MapPoint) {
-        self.position += (point.position - self.position) * 0.5;
-        self.color.iter_mut().zip(point.color).for_each(|(c, new)| *c += (f32::from(new) - *c) * 0.5);
     }
 }
 
@@ -252,7 +263,7 @@ fn upright_box(points: &[MapPoint], aabb: &Aabb, voxel_m: f64) -> Option<Oriente
         .map(|p| p.position.cast::<f64>().xy())
         .filter(|p| (0..2).all(|i| p[i] >= aabb.min[i] - margin && p[i] <= aabb.max[i] + margin))
         .collect();
-    let axis = smallest_rectangle_axis(&convex_hull(&flat));
+    let axis = rectangle_axis(&flat, &convex_hull(&flat));
     let yaw_rad = axis.y.atan2(axis.x).rem_euclid(std::f64::consts::FRAC_PI_2);
     let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
     let box_from_world = rotation.inverse().cast::<f32>();

@@ -34,8 +34,12 @@ pub struct World {
 pub struct Noise {
     /// Error of the reported position, metres.
     pub position_m: f64,
+    /// Error of the reported attitude, radians; with it the position error is one that wanders over 10 s.
+    pub attitude_rad: f64,
     /// Redwood-like depth noise.
     pub depth: bool,
+    /// Missed, split, merged and misnamed detections, at the rates of the preset `noisy`.
+    pub detector: bool,
     pub seed: u64,
 }
 
@@ -115,7 +119,7 @@ impl World {
                 depth_m[pixel] = depth as f32;
             }
         }
-        let items = self
+        let items: Vec<Detection> = self
             .blocks
             .iter()
             .enumerate()
@@ -125,8 +129,23 @@ impl World {
                 (mask.area() >= 60).then_some(Detection { mask, name: block.name?.to_owned(), score: 0.9 })
             })
             .collect();
+        let items = if noise.detector { disturb(items, model.width, &mut random) } else { items };
         let mut wander = || (random.random::<f64>() * 2.0 - 1.0) * noise.position_m;
-        let error = Translation3::new(wander(), wander(), 0.3 * wander());
+        let mut error = Isometry3::translation(wander(), wander(), 0.3 * wander());
+        let mut turn = UnitQuaternion::identity();
+        if noise.attitude_rad > 0.0 {
+            // Smooth curves with periods around 10 s.
+            let wave = |k: f64| (stamp_s * std::f64::consts::TAU / (8.0 + k) + k * k + noise.seed as f64).sin();
+            error = Isometry3::translation(
+                noise.position_m * wave(1.0),
+                noise.position_m * wave(2.7),
+                0.3 * noise.position_m * wave(4.1),
+            );
+            turn = UnitQuaternion::from_scaled_axis(
+                Vector3::new(0.5 * wave(0.4), 0.5 * wave(3.2), wave(5.3)) * noise.attitude_rad,
+            );
+        }
+        let error = error * Isometry3::from_parts(pose.translation, turn) * pose.translation.inverse();
         let frame = RgbdFrame {
             id: FrameId(id),
             stamp: Stamp::from_s(stamp_s),
@@ -138,6 +157,37 @@ impl World {
         };
         (frame, Detections { frame: FrameId(id), items })
     }
+}
+
+/// 5 % missed (all below 100 pixels), 3 % split, 5 % misnamed, one in five a synonym, borders off by 1 pixel.
+fn disturb(items: Vec<Detection>, width: u32, random: &mut ChaCha8Rng) -> Vec<Detection> {
+    let mut seen = Vec::new();
+    for mut item in items {
+        if random.random::<f64>() < 0.05 || item.mask.area() < 100 {
+            continue;
+        }
+        item.name = match (item.name.as_str(), random.random::<f64>()) {
+            ("mug", x) if x < 0.05 => "bowl".into(),
+            ("bowl", x) if x < 0.05 => "mug".into(),
+            ("cabinet", x) if x < 0.05 => "wardrobe".into(),
+            ("bottle", x) if x < 0.05 => "vase".into(),
+            ("sofa", x) if x < 0.05 => "armchair".into(),
+            ("sofa", x) if x > 0.8 => "couch".into(),
+            ("fridge", x) if x > 0.8 => "refrigerator".into(),
+            ("mug", x) if x > 0.8 => "coffee mug".into(),
+            (name, _) => name.into(),
+        };
+        // A mask that reaches one pixel too far to the right, over whatever is behind.
+        item.mask.runs.iter_mut().for_each(|run| run.length += u32::from(run.start % width + run.length < width));
+        if random.random::<f64>() < 0.03 && item.mask.area() > 400 {
+            let runs = item.mask.runs.split_off(item.mask.runs.len() / 2);
+            let mut half = item.clone();
+            half.mask.runs = runs;
+            seen.push(half);
+        }
+        seen.push(item);
+    }
+    seen
 }
 
 /// Ray parameter and axis of the face where a ray enters a box.
