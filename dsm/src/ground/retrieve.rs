@@ -25,13 +25,14 @@ pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge)
         Noun::Anything => return scene.items.iter().map(|item| anything_score(item, knowledge)).collect(),
         Noun::Room(_) => return vec![0.0; scene.items.len()],
     };
+    let asked = knowledge.meaning(asked);
     let mut similarity_of: BTreeMap<&str, f32> = BTreeMap::new();
     let mut scores = Vec::with_capacity(scene.items.len());
     for item in &scene.items {
         let total = item.object.names.total().max(1e-6);
         let (mut share, mut quality) = (0.0, 0.0);
         for (name, weight) in item.object.names.iter() {
-            let similarity = *similarity_of.entry(name).or_insert_with(|| knowledge.similarity(asked, name));
+            let similarity = *similarity_of.entry(name).or_insert_with(|| knowledge.similarity_to(&asked, name));
             let (counts, grade) = grade(similarity);
             share += counts * weight / total;
             quality += counts * grade * weight / total;
