@@ -15,7 +15,7 @@ use rapier3d::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Standard gravity, m/s^2.
-const GRAVITY: f32 = 9.80665;
+pub(super) const GRAVITY: f32 = 9.80665;
 /// Rolling and air resistance as damping of free bodies, 1/s: without it a round fruit would roll for ever.
 const LINEAR_DAMPING: f32 = 0.05;
 const ANGULAR_DAMPING: f32 = 1.0;
@@ -136,7 +136,7 @@ impl RapierPhysics {
     }
 }
 
-fn check(config: &PhysicsConfig) -> Result<(), PhysicsError> {
+pub(super) fn check(config: &PhysicsConfig) -> Result<(), PhysicsError> {
     let out = |name: &str, value: f64, expected: &str| {
         Err(PhysicsError::OutOfRange { name: name.into(), value, expected: expected.into() })
     };
@@ -152,7 +152,7 @@ fn check(config: &PhysicsConfig) -> Result<(), PhysicsError> {
     Ok(())
 }
 
-fn insert_body(
+pub(super) fn insert_body(
     world: &mut PhysicsWorld,
     scene: &SceneModel,
     index: usize,
