@@ -1,5 +1,6 @@
 //! A scene, a robot and a seed put together, and the truth about it.
 
+mod placement;
 mod solids;
 mod truth;
 

@@ -10,7 +10,7 @@ use dsm::geometry::{Aabb, OrientedBox};
 use dsm::time::{Span, Stamp};
 use nalgebra::{Point3, Vector3};
 use std::collections::BTreeMap;
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{Receiver, Sender};
 
 /// Time between samples: 20 Hz.
 const PERIOD: Span = Span(50_000_000);
@@ -21,7 +21,7 @@ const CLEARANCE_REACH_M: f64 = 1.0;
 /// What rises no higher than this is floor: thresholds and rugs, metres.
 pub(crate) const FLOOR_TOP_M: f64 = 0.03;
 /// The camera whose view counts.
-const WATCHED_CAMERA: &str = "head";
+pub(super) const WATCHED_CAMERA: &str = "head";
 
 /// Between two touching parties since the last sample.
 #[derive(Clone, Copy, Debug)]
@@ -33,16 +33,16 @@ struct Touch {
 /// Samples the truth 20 times a second.
 pub(crate) struct TruthSampler {
     sender: Sender<Truth>,
+    views: Receiver<Vec<usize>>,
     solids: Solids,
     objects: Vec<ObjectShape>,
     body_names: Vec<String>,
     free: Vec<bool>,
     radius_m: f64,
     height_m: f64,
-    /// Physics time at which the run began.
-    zero: Stamp,
+    last: Stamp,
     next: Stamp,
-    /// Poses of bodies and links before the last step and the one before it.
+    /// Poses of bodies and links one and two observations ago.
     before: [Option<Poses>; 2],
     touching: BTreeMap<(ContactParty, ContactParty), Touch>,
     since_sample: BTreeMap<(ContactParty, ContactParty), Touch>,
@@ -63,14 +63,15 @@ struct ObjectShape {
 }
 
 impl TruthSampler {
-    /// A sampler for a run that begins now, with the robot's footprint radius and height.
+    /// A sampler for a run that begins at time 0, with the robot's footprint radius and height. `views` brings the
+    /// bodies that the watched camera sees, see [`find_in_view`].
     pub(crate) fn new(
         sender: Sender<Truth>,
+        views: Receiver<Vec<usize>>,
         scene: &SceneModel,
         semantics: &Semantics,
         solids: Solids,
         (radius_m, height_m): (f64, f64),
-        zero: Stamp,
     ) -> Self {
         let object = |(index, body): (usize, &crate::scene::SceneBody)| {
             let category = semantics.find_object(&body.name)?.category.clone();
@@ -78,14 +79,15 @@ impl TruthSampler {
         };
         Self {
             sender,
+            views,
             solids,
             objects: scene.bodies.iter().enumerate().skip(1).filter_map(object).collect(),
             body_names: scene.bodies.iter().map(|body| body.name.clone()).collect(),
             free: scene.bodies.iter().map(|body| body.motion == BodyMotion::Free).collect(),
             radius_m,
             height_m,
-            zero,
-            next: zero,
+            last: Stamp::default(),
+            next: Stamp::default(),
             before: [None, None],
             touching: BTreeMap::new(),
             since_sample: BTreeMap::new(),
@@ -93,28 +95,18 @@ impl TruthSampler {
         }
     }
 
-    /// Takes note of what a camera sees. Call it with the labels before they may be permuted.
-    pub(crate) fn look(&mut self, camera: &str, image: &LabelImage) {
-        if camera != WATCHED_CAMERA {
-            return;
+    /// Looks at the world after a control tick; sends a sample when one is due.
+    pub(crate) fn observe(&mut self, physics: &dyn Physics) {
+        if let Some(bodies) = self.views.try_iter().last() {
+            self.in_view = bodies.into_iter().map(|body| self.body_names[body].clone()).collect();
         }
-        let mut areas = vec![0; self.body_names.len()];
-        for run in &image.runs {
-            if let Some(area) = image.find_body(run.label).and_then(|body| areas.get_mut(body)) {
-                *area += run.length as usize;
-            }
-        }
-        let seen = areas.iter().enumerate().skip(1).filter(|(_, area)| **area >= IN_VIEW_PX);
-        self.in_view = seen.map(|(body, _)| self.body_names[body].clone()).collect();
-    }
-
-    /// Looks at the world after a physics step; sends a sample when one is due.
-    pub(crate) fn after_step(&mut self, physics: &dyn Physics) {
         let now = Poses {
             bodies: (0..self.body_names.len()).map(|body| physics.world_from_body(body)).collect(),
             links: (0..physics.link_names().len()).map(|link| physics.world_from_link(link)).collect(),
         };
-        self.follow_contacts(&physics.contacts(), physics.step_length());
+        let elapsed = physics.now() - self.last;
+        self.last = physics.now();
+        self.follow_contacts(&physics.contacts(), elapsed);
         if physics.now() >= self.next {
             self.next = physics.now() + PERIOD;
             let truth = self.sample(physics, &now);
@@ -125,7 +117,7 @@ impl TruthSampler {
         self.before[1] = Some(now);
     }
 
-    fn follow_contacts(&mut self, contacts: &[Contact], step: Span) {
+    fn follow_contacts(&mut self, contacts: &[Contact], elapsed: Span) {
         let mut touching = BTreeMap::new();
         for contact in contacts {
             let parties = (contact.first, contact.second);
@@ -134,7 +126,7 @@ impl TruthSampler {
             }
             let approach = match self.touching.get(&parties) {
                 Some(touch) => touch.approach_speed_m_per_s,
-                None => self.approach_speed_m_per_s(contact, step),
+                None => self.approach_speed_m_per_s(contact, elapsed),
             };
             let touch = Touch { force_n: contact.force_n, approach_speed_m_per_s: approach };
             touching.insert(parties, touch);
@@ -156,8 +148,8 @@ impl TruthSampler {
         }
     }
 
-    /// Speed at which the two approached each other at the contact point before the step in which they met.
-    fn approach_speed_m_per_s(&self, contact: &Contact, step: Span) -> f64 {
+    /// Speed of the one against the other at the contact point just before they met.
+    fn approach_speed_m_per_s(&self, contact: &Contact, elapsed: Span) -> f64 {
         let [Some(earlier), Some(later)] = &self.before else { return 0.0 };
         let pose = |poses: &Poses, party| match party {
             ContactParty::Body(body) => poses.bodies.get(body).copied(),
@@ -166,7 +158,7 @@ impl TruthSampler {
         let velocity = |party| -> Option<Vector3<f64>> {
             let (from, to) = (pose(earlier, party)?, pose(later, party)?);
             let point = to.inverse_transform_point(&contact.point_in_world);
-            Some((to * point - from * point) / step.as_s())
+            Some((to * point - from * point) / elapsed.as_s())
         };
         let relative = velocity(contact.first).zip(velocity(contact.second)).map(|(a, b)| a - b);
         relative.map_or(0.0, |velocity| velocity.norm())
@@ -192,7 +184,7 @@ impl TruthSampler {
         });
         let world_from_base = physics.world_from_base();
         Truth {
-            stamp: Stamp::default() + (physics.now() - self.zero),
+            stamp: physics.now(),
             objects: self.objects.iter().map(|object| self.true_object(object, &poses.bodies[object.body])).collect(),
             world_from_base,
             contacts,
@@ -227,6 +219,17 @@ impl TruthSampler {
             .filter_map(|solid| solid.find_distance_to_column_m(&poses.bodies[solid.body], &column, CLEARANCE_REACH_M));
         distances.min_by(f64::total_cmp)
     }
+}
+
+/// The bodies with enough pixels in an image.
+pub(super) fn find_in_view(image: &LabelImage, body_count: usize) -> Vec<usize> {
+    let mut areas = vec![0; body_count];
+    for run in &image.runs {
+        if let Some(area) = image.find_body(run.label).and_then(|body| areas.get_mut(body)) {
+            *area += run.length as usize;
+        }
+    }
+    (1..body_count).filter(|body| areas[*body] >= IN_VIEW_PX).collect()
 }
 
 /// The box around a body's visible geoms in its own frame; a point at its origin when there are none.
