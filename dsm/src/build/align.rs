@@ -31,12 +31,14 @@ const LARGEST: (f64, f64) = (0.10, 0.04);
 /// little to go by or the result is not credible.
 pub(super) fn find_correction(pairs: &[(&Observation, &MapObject)], eye: &Point3<f64>) -> Option<Pose> {
     let thin = |count: usize, wanted: usize| count.div_ceil(wanted).max(1);
-    let sets: Vec<(Vec<Point3<f64>>, Vec<Point3<f32>>)> = pairs
+    let sets: Vec<_> = pairs
         .iter()
         .map(|(observation, object)| {
             let observed = observation.points.iter().step_by(thin(observation.points.len(), OBSERVED));
             let known = object.points.iter().step_by(thin(object.points.len(), KNOWN));
-            (observed.map(|p| p.position.cast()).collect(), known.map(|p| p.position).collect())
+            let observed: Vec<Point3<f64>> = observed.map(|p| p.position.cast()).collect();
+            let known: Vec<Point3<f32>> = known.map(|p| p.position).collect();
+            (observed, known)
         })
         .collect();
     let mut correction = Isometry3::identity();

@@ -147,7 +147,7 @@ impl Column {
 fn band_of(config: &BuildConfig, height_m: f64) -> Option<usize> {
     let span = config.headroom_m - config.obstacle_height_m;
     let part = (height_m - config.obstacle_height_m) / span;
-    (0.0..1.0).contains(&part).then(|| (part * BANDS as f64) as usize)
+    (0.0..1.0).contains(&part).then_some((part * BANDS as f64) as usize)
 }
 
 /// What a frame says about the columns around its camera.

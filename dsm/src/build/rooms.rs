@@ -19,6 +19,15 @@ pub(super) struct RoomSegmenter {
     last: Option<Stamp>,
 }
 
+/// One region while it is described.
+struct Region {
+    cells: Vec<[i32; 2]>,
+    /// Index of the cell with the most clearance.
+    center: usize,
+    /// Labels of regions that it touches.
+    beside: BTreeSet<u32>,
+}
+
 impl RoomSegmenter {
     /// Whether it is time for a new division.
     pub(super) fn is_due(&self, config: &BuildConfig, stamp: Stamp) -> bool {
@@ -105,19 +114,23 @@ impl RoomSegmenter {
             let weight = object.confidence() / category.rooms.len().max(1) as f32;
             category.rooms.iter().for_each(|name| names.entry(room.0 + 1).or_default().add(name, weight));
         }
-        let mut rooms: BTreeMap<u32, (Vec<[i32; 2]>, usize, BTreeSet<u32>)> = BTreeMap::new();
+        let mut rooms: BTreeMap<u32, Region> = BTreeMap::new();
         for (index, &label) in self.labels.values().iter().enumerate().filter(|(_, label)| **label > 0) {
-            let entry = rooms.entry(label).or_insert_with(|| (Vec::new(), index, BTreeSet::new()));
-            entry.0.push(self.labels.cell_of(index));
-            if clearance[index] > clearance[entry.1] {
-                entry.1 = index;
+            let entry = rooms.entry(label).or_insert_with(|| Region {
+                cells: Vec::new(),
+                center: index,
+                beside: BTreeSet::new(),
+            });
+            entry.cells.push(self.labels.cell_of(index));
+            if clearance[index] > clearance[entry.center] {
+                entry.center = index;
             }
             let beside = self.labels.neighbours(index).map(|n| self.labels.values()[n]);
-            entry.2.extend(beside.filter(|other| *other > 0 && *other != label));
+            entry.beside.extend(beside.filter(|other| *other > 0 && *other != label));
         }
         rooms
             .into_iter()
-            .map(|(label, (cells, center, neighbours))| Room {
+            .map(|(label, Region { cells, center, beside })| Room {
                 id: RoomId(label - 1),
                 name: names
                     .get(&label)
@@ -127,7 +140,7 @@ impl RoomSegmenter {
                 center: free.center_of(self.labels.cell_of(center)),
                 area_m2: cells.len() as f64 * free.resolution_m * free.resolution_m,
                 polygon: outline(&cells, free.resolution_m),
-                neighbours: neighbours.into_iter().map(|other| RoomId(other - 1)).collect(),
+                neighbours: beside.into_iter().map(|other| RoomId(other - 1)).collect(),
             })
             .collect()
     }
@@ -201,8 +214,8 @@ fn grow_seeds(config: &BuildConfig, open: &CellGrid<bool>, clearance: &[f64]) ->
         }
     };
     for (wide, grow) in [(0.5 * config.doorway_m + 0.02, true), (0.0, false)] {
-        for seed in 0..clearance.len() {
-            if labels.values()[seed] == 0 && open.values()[seed] && clearance[seed] > wide {
+        for (seed, &free_m) in clearance.iter().enumerate() {
+            if labels.values()[seed] == 0 && open.values()[seed] && free_m > wide {
                 next += 1;
                 flood(&mut labels, seed, next, wide, &mut front);
             }
