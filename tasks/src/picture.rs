@@ -146,7 +146,12 @@ pub fn map_png(map: &Map, path: &[Point2<f64>], target: Option<ObjectId>, pixels
         let is_target = Some(object.id) == target;
         let corners = object.bounds.footprint().map(|p| place(&Point3::new(p.x, p.y, object.bounds.top_m())));
         for i in 0..4 {
-            canvas.line(corners[i], corners[(i + 1) % 4], if is_target { TARGET } else { [60, 64, 72] }, i64::from(is_target));
+            canvas.line(
+                corners[i],
+                corners[(i + 1) % 4],
+                if is_target { TARGET } else { [60, 64, 72] },
+                i64::from(is_target),
+            );
         }
     }
     for pair in path.windows(2) {
@@ -192,9 +197,12 @@ struct View {
 
 impl View {
     fn around(map: &Map, path: &[Point2<f64>]) -> Option<Self> {
-        let cells = map.free_space.known_cells().map(|(cell, _)| map.free_space.center_of(cell));
+        let half = Vector2::repeat(0.5 * map.free_space.resolution_m);
+        let centers = map.free_space.known_cells().map(|(cell, _)| map.free_space.center_of(cell));
+        let cells = centers.flat_map(|center| [center - half, center + half]);
         let footprints = map.stable_objects().flat_map(|o| o.bounds.footprint());
-        let mut all = cells.chain(footprints).chain(path.iter().copied()).filter(|p| p.x.is_finite() && p.y.is_finite());
+        let mut all =
+            cells.chain(footprints).chain(path.iter().copied()).filter(|p| p.x.is_finite() && p.y.is_finite());
         let first = all.next()?;
         let (low, high) = all.fold((first, first), |(low, high), p| (low.inf(&p), high.sup(&p)));
         let margin = Vector2::repeat(MARGIN_M);

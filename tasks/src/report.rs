@@ -109,7 +109,9 @@ fn write_grounding(html: &mut String, grounding: &Grounding, map: &Map) {
     if grounding.candidates.is_empty() {
         return;
     }
-    html.push_str("<div class=\"wide\"><table><thead><tr><th>Candidate</th><th>Score</th><th>Reasons</th></tr></thead><tbody>\n");
+    html.push_str(
+        "<div class=\"wide\"><table><thead><tr><th>Candidate</th><th>Score</th><th>Reasons</th></tr></thead><tbody>\n",
+    );
     for candidate in grounding.candidates.iter().take(MOST_CANDIDATES) {
         let reasons: Vec<String> = candidate.reasons.iter().map(|reason| escape(reason)).collect();
         let _ = writeln!(
@@ -269,7 +271,10 @@ fn name_of(map: &Map, object: Option<ObjectId>, room: Option<RoomId>) -> String 
 fn attributes_of(object: &ShownObject) -> String {
     let attributes = &object.attributes;
     let words = attributes.appearance.iter().chain(&attributes.physical).map(|(key, word)| format!("{key} {word}"));
-    words.chain(attributes.affordance.iter().map(|(key, words)| format!("{key} {}", words.join("/")))).collect::<Vec<_>>().join(", ")
+    words
+        .chain(attributes.affordance.iter().map(|(key, words)| format!("{key} {}", words.join("/"))))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 /// A word of an enum as it stands in `summary.json`.

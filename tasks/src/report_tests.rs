@@ -38,8 +38,12 @@ fn finished(name: &str) -> Finished {
         duration_s: 12.5,
         grounding: Some(grounding),
     };
-    let expectation =
-        ExpectationSummary { kind: "object_lifted".into(), passed: false, measured: name.into(), required: "0.10 m".into() };
+    let expectation = ExpectationSummary {
+        kind: "object_lifted".into(),
+        passed: false,
+        measured: name.into(),
+        required: "0.10 m".into(),
+    };
     let summary = Summary {
         schema: 1,
         episode: name.to_owned(),
@@ -79,7 +83,11 @@ fn page_of(name: &str) -> String {
 
 /// Names of all elements in order, closing ones with a slash.
 fn tags(html: &str) -> Vec<&str> {
-    html.split('<').skip(1).filter_map(|rest| rest.split([' ', '>', '\n']).next()).map(|t| t.trim_end_matches('/')).collect()
+    html.split('<')
+        .skip(1)
+        .filter_map(|rest| rest.split([' ', '>', '\n']).next())
+        .map(|t| t.trim_end_matches('/'))
+        .collect()
 }
 
 #[test]
