@@ -2,7 +2,8 @@
 
 use super::JointTarget;
 use super::convert::{from_pose, from_vector};
-use super::robot_body::{BaseDrive, BuiltRobot, JointPlace};
+use super::robot_body::{BuiltRobot, JointPlace};
+use super::robot_spec::BaseDrive;
 use dsm_robot::drivers::Twist;
 use nalgebra::Vector3;
 use rapier3d::prelude::*;

@@ -13,12 +13,13 @@ mod convert;
 mod drive;
 mod rapier;
 mod robot_body;
+mod robot_spec;
 mod settle;
 mod shapes;
 
 pub(crate) use convert::{from_vector, to_pose};
 pub use rapier::{RapierPhysics, RobotStart};
-pub use robot_body::{BaseDrive, FingerPair, RobotBody};
+pub use robot_spec::{BaseDrive, FingerPair, RobotBody};
 pub(crate) use settle::settle_scene;
 pub(crate) use shapes::scene_shape;
 

@@ -2,7 +2,8 @@
 
 use super::convert::{from_point, from_pose, from_vector, to_pose};
 use super::drive::Drive;
-use super::robot_body::{BuiltRobot, JointPlace, RobotBody, build_robot, find_link_of_tag};
+use super::robot_body::{BuiltRobot, JointPlace, build_robot, find_link_of_tag};
+use super::robot_spec::RobotBody;
 use super::shapes::scene_shape;
 use super::{BodyVelocity, Contact, ContactParty, JointTarget, Physics, PhysicsConfig, PhysicsError};
 use crate::scene::{BodyMotion, SceneBody, SceneModel};
@@ -15,7 +16,7 @@ use rapier3d::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Standard gravity, m/s^2.
-pub(super) const GRAVITY: f32 = 9.80665;
+const GRAVITY: f32 = 9.80665;
 /// Rolling and air resistance as damping of free bodies, 1/s: without it a round fruit would roll for ever.
 const LINEAR_DAMPING: f32 = 0.05;
 const ANGULAR_DAMPING: f32 = 1.0;
@@ -74,15 +75,7 @@ impl RapierPhysics {
         config: PhysicsConfig,
     ) -> Result<Self, PhysicsError> {
         check(&config)?;
-        let mut world = PhysicsWorld { gravity: Vector::new(0.0, 0.0, -GRAVITY), ..PhysicsWorld::default() };
-        world.integration_parameters.dt = config.step.as_s() as f32;
-        world.integration_parameters.num_solver_iterations = config.solver_iterations;
-        world.integration_parameters.num_internal_pgs_iterations = config.sweeps;
-        // Without friction in the biased pass a held object creeps by 2 to 7 mm/s and every grasp is lost in the end.
-        world.integration_parameters.friction_in_bias_pass = true;
-        // At the engine's 30 Hz a grip of 30 N sinks a finger 13 mm into an apple; at 100 Hz 1 mm.
-        world.integration_parameters.contact_softness.natural_frequency = CONTACT_HZ;
-        world.integration_parameters.static_contact_softness.natural_frequency = CONTACT_HZ;
+        let mut world = new_world(config);
         let mut scene_bodies = Vec::with_capacity(scene.bodies.len());
         for (index, body) in scene.bodies.iter().enumerate() {
             scene_bodies.push(insert_body(&mut world, scene, index, body)?);
@@ -134,6 +127,20 @@ impl RapierPhysics {
         });
         found.unwrap_or((0.0, Point3::origin()))
     }
+}
+
+/// An empty world with our gravity and solver settings.
+pub(super) fn new_world(config: PhysicsConfig) -> PhysicsWorld {
+    let mut world = PhysicsWorld { gravity: Vector::new(0.0, 0.0, -GRAVITY), ..PhysicsWorld::default() };
+    world.integration_parameters.dt = config.step.as_s() as f32;
+    world.integration_parameters.num_solver_iterations = config.solver_iterations;
+    world.integration_parameters.num_internal_pgs_iterations = config.sweeps;
+    // Without friction in the biased pass a held object creeps by 2 to 7 mm/s and every grasp is lost in the end.
+    world.integration_parameters.friction_in_bias_pass = true;
+    // At the engine's 30 Hz a grip of 30 N sinks a finger 13 mm into an apple; at 100 Hz 1 mm.
+    world.integration_parameters.contact_softness.natural_frequency = CONTACT_HZ;
+    world.integration_parameters.static_contact_softness.natural_frequency = CONTACT_HZ;
+    world
 }
 
 pub(super) fn check(config: &PhysicsConfig) -> Result<(), PhysicsError> {

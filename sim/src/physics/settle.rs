@@ -1,18 +1,15 @@
 //! A scene left to itself, without a robot.
 
 use super::convert::from_pose;
-use super::rapier::{GRAVITY, insert_body};
+use super::rapier::{insert_body, new_world};
 use super::{PhysicsConfig, PhysicsError};
 use crate::scene::SceneModel;
 use dsm::Pose;
 use dsm::time::Span;
-use rapier3d::prelude::*;
 
 /// Lets the scene rest for `span` and returns the pose of every body, in the order of the scene.
 pub(crate) fn settle_scene(scene: &SceneModel, span: Span, config: PhysicsConfig) -> Result<Vec<Pose>, PhysicsError> {
-    let mut world = PhysicsWorld { gravity: Vector::new(0.0, 0.0, -GRAVITY), ..PhysicsWorld::default() };
-    world.integration_parameters.dt = config.step.as_s() as f32;
-    world.integration_parameters.num_solver_iterations = config.solver_iterations;
+    let mut world = new_world(config);
     let mut handles = Vec::with_capacity(scene.bodies.len());
     for (index, body) in scene.bodies.iter().enumerate() {
         handles.push(insert_body(&mut world, scene, index, body)?);

@@ -118,7 +118,11 @@ impl<'a> Draw<'a> {
         let mut next = 0;
         while next < set.len() {
             let below = set[next];
-            set.extend((0..self.carrier.len()).filter(|b| self.carrier[*b] == Some(below) && !set.contains(b)).collect::<Vec<_>>());
+            set.extend(
+                (0..self.carrier.len())
+                    .filter(|b| self.carrier[*b] == Some(below) && !set.contains(b))
+                    .collect::<Vec<_>>(),
+            );
             next += 1;
         }
         set
@@ -160,8 +164,8 @@ impl<'a> Draw<'a> {
     /// Whether a body at a new pose stays clear of another; never worse than it was in the scene.
     fn is_clear(&self, member: usize, pose: &Pose, bounds: &Aabb, other: usize) -> bool {
         // The world's own geoms: the floor is met by everything, the walls by none.
-        let near = other == 0
-            || self.bounds[other].is_some_and(|b| b.grown(KEPT_GAP_M).find_intersection(bounds).is_some());
+        let near =
+            other == 0 || self.bounds[other].is_some_and(|b| b.grown(KEPT_GAP_M).find_intersection(bounds).is_some());
         if !near {
             return true;
         }
@@ -181,7 +185,12 @@ fn contains_xy(top: &Aabb, own: &Aabb) -> bool {
 }
 
 /// The first body in the robot's way when it stands there.
-pub(super) fn find_obstruction(scene: &SceneModel, solids: &Solids, start: &StartPose, size_m: (f64, f64)) -> Option<usize> {
+pub(super) fn find_obstruction(
+    scene: &SceneModel,
+    solids: &Solids,
+    start: &StartPose,
+    size_m: (f64, f64),
+) -> Option<usize> {
     let column = column_at(start, size_m.0, size_m.1);
     let hit = |solid: &&super::solids::Solid| {
         let pose = &scene.bodies[solid.body].world_from_body;
