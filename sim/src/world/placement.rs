@@ -23,6 +23,8 @@ const CARRY_GAP_M: f64 = 0.015;
 const KEPT_GAP_M: f64 = 0.01;
 /// Overlap with what carries a thing that counts as touching, metres.
 const TOUCH_M: f64 = 0.001;
+/// The middle of a moved thing stays this far from the edge of what carries it, metres.
+const SUPPORT_MARGIN_M: f64 = 0.02;
 /// Room around the robot's footprint at the start, metres.
 const START_MARGIN_M: f64 = 0.05;
 
@@ -92,14 +94,7 @@ impl<'a> Draw<'a> {
     /// The body whose top ends right below this one's underside, if it is not the world itself.
     fn find_carrier(&self, body: usize) -> Option<usize> {
         let own = self.bounds[body]?;
-        let carries = |other: usize| {
-            self.solids.of_body(other).iter().any(|solid| {
-                let top = solid.bounds(&self.poses[other]);
-                let under = (top.max.z - own.min.z).abs() <= CARRY_GAP_M;
-                under && contains_xy(&top, &own)
-            })
-        };
-        (1..self.poses.len()).find(|other| *other != body && self.bounds[*other].is_some() && carries(*other))
+        (1..self.poses.len()).find(|other| *other != body && self.is_over(*other, &own, 0.0))
     }
 
     /// How many bodies are below this one; bounded, for two bodies may seem to carry each other.
@@ -118,7 +113,11 @@ impl<'a> Draw<'a> {
         let mut next = 0;
         while next < set.len() {
             let below = set[next];
-            set.extend((0..self.carrier.len()).filter(|b| self.carrier[*b] == Some(below) && !set.contains(b)).collect::<Vec<_>>());
+            set.extend(
+                (0..self.carrier.len())
+                    .filter(|b| self.carrier[*b] == Some(below) && !set.contains(b))
+                    .collect::<Vec<_>>(),
+            );
             next += 1;
         }
         set
@@ -134,7 +133,7 @@ impl<'a> Draw<'a> {
         let new_bounds: Vec<Option<Aabb>> =
             moved.iter().zip(&new_poses).map(|(b, pose)| self.solids.find_bounds(*b, pose)).collect();
         if let (Some(carrier), Some(own)) = (self.carrier[body], new_bounds[0])
-            && !self.is_over(carrier, &own)
+            && !self.is_over(carrier, &own, SUPPORT_MARGIN_M)
         {
             return false;
         }
@@ -150,18 +149,20 @@ impl<'a> Draw<'a> {
         clear
     }
 
-    fn is_over(&self, carrier: usize, own: &Aabb) -> bool {
+    /// Whether the underside of `own` lies right on top of a solid of the carrier, its middle well inside.
+    fn is_over(&self, carrier: usize, own: &Aabb, margin_m: f64) -> bool {
+        let pose = &self.poses[carrier];
         self.solids.of_body(carrier).iter().any(|solid| {
-            let top = solid.bounds(&self.poses[carrier]);
-            (top.max.z - own.min.z).abs() <= CARRY_GAP_M && contains_xy(&top, own)
+            let top_m = solid.bounds(pose).max.z;
+            (top_m - own.min.z).abs() <= CARRY_GAP_M && solid.is_below(pose, &own.center(), margin_m)
         })
     }
 
     /// Whether a body at a new pose stays clear of another; never worse than it was in the scene.
     fn is_clear(&self, member: usize, pose: &Pose, bounds: &Aabb, other: usize) -> bool {
         // The world's own geoms: the floor is met by everything, the walls by none.
-        let near = other == 0
-            || self.bounds[other].is_some_and(|b| b.grown(KEPT_GAP_M).find_intersection(bounds).is_some());
+        let near =
+            other == 0 || self.bounds[other].is_some_and(|b| b.grown(KEPT_GAP_M).find_intersection(bounds).is_some());
         if !near {
             return true;
         }
@@ -174,14 +175,13 @@ impl<'a> Draw<'a> {
     }
 }
 
-/// Whether the middle of `own` lies over `top`, seen from above.
-fn contains_xy(top: &Aabb, own: &Aabb) -> bool {
-    let middle = own.center();
-    (0..2).all(|i| top.min[i] <= middle[i] && middle[i] <= top.max[i])
-}
-
 /// The first body in the robot's way when it stands there.
-pub(super) fn find_obstruction(scene: &SceneModel, solids: &Solids, start: &StartPose, size_m: (f64, f64)) -> Option<usize> {
+pub(super) fn find_obstruction(
+    scene: &SceneModel,
+    solids: &Solids,
+    start: &StartPose,
+    size_m: (f64, f64),
+) -> Option<usize> {
     let column = column_at(start, size_m.0, size_m.1);
     let hit = |solid: &&super::solids::Solid| {
         let pose = &scene.bodies[solid.body].world_from_body;
