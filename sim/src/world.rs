@@ -51,7 +51,7 @@ const START_POSTURE: &str = "carry";
 pub enum WorldError {
     /// The scene.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(Box<SceneError>),
     /// Its semantics.
     #[error(transparent)]
     Semantics(#[from] SemanticsError),
@@ -90,6 +90,12 @@ pub enum WorldError {
         /// The body in the way.
         body: String,
     },
+}
+
+impl From<SceneError> for WorldError {
+    fn from(error: SceneError) -> Self {
+        Self::Scene(Box::new(error))
+    }
 }
 
 /// What a world is built with besides scene and robot.
