@@ -1,5 +1,6 @@
 //! The private channel from the simulated cameras to the simulated detector. Label images never leave this crate.
 
+use crate::camera::ROBOT_LABEL;
 use dsm::frame::FrameId;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -9,8 +10,6 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 
 /// Label of pixels that show nothing.
 pub(crate) const NOTHING: u32 = 0;
-/// Label of every link of the robot.
-pub(crate) const ROBOT_LABEL: u32 = u32::MAX;
 /// Frames kept for a detector that lags behind the cameras.
 const KEPT_FRAMES: usize = 32;
 

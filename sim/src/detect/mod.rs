@@ -14,6 +14,6 @@ mod shape;
 mod simulated;
 
 pub use channel::LabelIds;
-pub(crate) use channel::{LabelImage, LabelSender, ROBOT_LABEL, label_channel};
+pub(crate) use channel::{LabelImage, LabelSender, label_channel};
 pub use noise::DetectorNoise;
 pub use simulated::{DetectorPreset, SimDetector};

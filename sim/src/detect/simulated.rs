@@ -259,8 +259,9 @@ fn find_mean_depth_m(mask: &Mask, frame: &RgbdFrame) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     //! Contract: the oracle says what is there; the noisy detector errs at its rates; ids and body names change nothing.
-    use super::super::channel::{LabelIds, ROBOT_LABEL, label_channel};
+    use super::super::channel::{LabelIds, label_channel};
     use super::*;
+    use crate::camera::ROBOT_LABEL;
     use crate::scene::{BodyMotion, ObjectSemantics, SceneBody};
     use dsm::Pose;
     use dsm::camera::CameraModel;

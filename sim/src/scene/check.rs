@@ -128,8 +128,7 @@ pub(crate) fn find_overlaps(scene: &SceneModel, solids: &Solids) -> Vec<Finding>
             if other_index == index || !once {
                 continue;
             }
-            let depth =
-                solids.find_depth_m((index, &body.world_from_body), (other_index, &other.world_from_body), 0.0);
+            let depth = solids.find_depth_m((index, &body.world_from_body), (other_index, &other.world_from_body), 0.0);
             if let Some(depth_m) = depth.filter(|depth| *depth > OVERLAP_M) {
                 findings.push(Finding::Overlap { body: body.name.clone(), other: other.name.clone(), depth_m });
             }

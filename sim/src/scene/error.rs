@@ -42,18 +42,18 @@ pub enum SceneError {
         reason: String,
     },
     /// An element or attribute that MJCF does not know here.
-    #[error("{place}: unknown {kind} `{name}` in <{parent}>;{} valid: {}", meant(nearest), valid.join(", "))]
+    #[error("{place}: unknown {kind} `{name}` in <{parent}>;{} valid: {}", meant(nearest.as_deref()), valid.join(", "))]
     UnknownKey {
         /// Where.
         place: Place,
         /// `element` or `attribute`.
         kind: &'static str,
         /// The name as written.
-        name: String,
+        name: Box<str>,
         /// The element that holds it.
-        parent: String,
+        parent: Box<str>,
         /// The valid name most like it.
-        nearest: Option<String>,
+        nearest: Option<Box<str>>,
         /// All valid names.
         valid: Vec<String>,
     },
@@ -70,7 +70,7 @@ pub enum SceneError {
         expected: String,
     },
     /// A name that nothing defines.
-    #[error("{place}: there is no {kind} `{name}`;{} known: {}", meant(nearest), shortened(known))]
+    #[error("{place}: there is no {kind} `{name}`;{} known: {}", meant(nearest.as_deref()), shortened(known))]
     UnknownReference {
         /// Where.
         place: Place,
@@ -155,8 +155,8 @@ pub enum SceneError {
     },
 }
 
-fn meant(nearest: &Option<String>) -> String {
-    nearest.as_ref().map_or_else(String::new, |name| format!(" did you mean `{name}`?"))
+fn meant(nearest: Option<&str>) -> String {
+    nearest.map_or_else(String::new, |name| format!(" did you mean `{name}`?"))
 }
 
 /// At most a dozen names: a flat has hundreds of bodies.

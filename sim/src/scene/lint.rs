@@ -48,9 +48,9 @@ impl Lint<'_> {
                 return Err(SceneError::UnknownKey {
                     place,
                     kind: "element",
-                    name: name.to_owned(),
-                    parent: parent.to_owned(),
-                    nearest: dsm::config::find_nearest(name, valid.iter().copied()).map(str::to_owned),
+                    name: name.into(),
+                    parent: parent.into(),
+                    nearest: dsm::config::find_nearest(name, valid.iter().copied()).map(Into::into),
                     valid: valid.iter().map(|v| (*v).to_owned()).collect(),
                 });
             }
@@ -66,10 +66,9 @@ impl Lint<'_> {
                 return Err(SceneError::UnknownKey {
                     place: self.source.place(attribute.range().start),
                     kind: "attribute",
-                    name: attribute.name().to_owned(),
-                    parent: element.to_owned(),
-                    nearest: dsm::config::find_nearest(attribute.name(), valid.iter().map(|(n, _)| *n))
-                        .map(str::to_owned),
+                    name: attribute.name().into(),
+                    parent: element.into(),
+                    nearest: dsm::config::find_nearest(attribute.name(), valid.iter().map(|(n, _)| *n)).map(Into::into),
                     valid: valid.iter().map(|(name, _)| (*name).to_owned()).collect(),
                 });
             };
@@ -136,7 +135,8 @@ impl Lint<'_> {
         for (attribute, kind) in references {
             let Some(written) = node.attribute_node(*attribute) else { continue };
             let Some(known) = names.get(kind) else { continue };
-            if !known.contains_key(written.value()) && !(in_default && *attribute == "class") {
+            let refers_later = in_default && *attribute == "class";
+            if !refers_later && !known.contains_key(written.value()) {
                 return Err(SceneError::UnknownReference {
                     place: self.source.place(written.range().start),
                     kind,

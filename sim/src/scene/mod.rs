@@ -1,6 +1,7 @@
 //! Scenes: MJCF geometry and `semantics.toml`.
 
 mod bodies;
+mod check;
 mod error;
 mod grammar;
 mod lint;
@@ -12,6 +13,7 @@ mod source;
 mod surface;
 
 pub use bodies::HeldJoint;
+pub use check::{CheckedScene, Finding, check_scene, find_movers};
 pub use error::{Place, SceneError};
 pub use load::scene_file;
 pub use model::{

@@ -22,7 +22,13 @@ pub enum SemanticsError {
     Config(#[from] ConfigError),
     /// It does not fit the scene.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(Box<SceneError>),
+}
+
+impl From<SceneError> for SemanticsError {
+    fn from(error: SceneError) -> Self {
+        Self::Scene(Box::new(error))
+    }
 }
 
 /// What a scene's bodies are.

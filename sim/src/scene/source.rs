@@ -73,8 +73,8 @@ impl Source {
             return Err(SceneError::UnknownKey {
                 place: at(document.text_pos_at(root.range().start).row),
                 kind: "element",
-                name: root.tag_name().name().to_owned(),
-                parent: "the document".to_owned(),
+                name: root.tag_name().name().into(),
+                parent: "the document".into(),
                 nearest: None,
                 valid: vec!["mujoco".to_owned()],
             });

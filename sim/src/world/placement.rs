@@ -23,6 +23,8 @@ const CARRY_GAP_M: f64 = 0.015;
 const KEPT_GAP_M: f64 = 0.01;
 /// Overlap with what carries a thing that counts as touching, metres.
 const TOUCH_M: f64 = 0.001;
+/// The middle of a moved thing stays this far from the edge of what carries it, metres.
+const SUPPORT_MARGIN_M: f64 = 0.02;
 /// Room around the robot's footprint at the start, metres.
 const START_MARGIN_M: f64 = 0.05;
 
@@ -92,14 +94,7 @@ impl<'a> Draw<'a> {
     /// The body whose top ends right below this one's underside, if it is not the world itself.
     fn find_carrier(&self, body: usize) -> Option<usize> {
         let own = self.bounds[body]?;
-        let carries = |other: usize| {
-            self.solids.of_body(other).iter().any(|solid| {
-                let top = solid.bounds(&self.poses[other]);
-                let under = (top.max.z - own.min.z).abs() <= CARRY_GAP_M;
-                under && contains_xy(&top, &own)
-            })
-        };
-        (1..self.poses.len()).find(|other| *other != body && self.bounds[*other].is_some() && carries(*other))
+        (1..self.poses.len()).find(|other| *other != body && self.is_over(*other, &own, 0.0))
     }
 
     /// How many bodies are below this one; bounded, for two bodies may seem to carry each other.
@@ -138,7 +133,7 @@ impl<'a> Draw<'a> {
         let new_bounds: Vec<Option<Aabb>> =
             moved.iter().zip(&new_poses).map(|(b, pose)| self.solids.find_bounds(*b, pose)).collect();
         if let (Some(carrier), Some(own)) = (self.carrier[body], new_bounds[0])
-            && !self.is_over(carrier, &own)
+            && !self.is_over(carrier, &own, SUPPORT_MARGIN_M)
         {
             return false;
         }
@@ -154,10 +149,12 @@ impl<'a> Draw<'a> {
         clear
     }
 
-    fn is_over(&self, carrier: usize, own: &Aabb) -> bool {
+    /// Whether the underside of `own` lies right on top of a solid of the carrier, its middle well inside.
+    fn is_over(&self, carrier: usize, own: &Aabb, margin_m: f64) -> bool {
+        let pose = &self.poses[carrier];
         self.solids.of_body(carrier).iter().any(|solid| {
-            let top = solid.bounds(&self.poses[carrier]);
-            (top.max.z - own.min.z).abs() <= CARRY_GAP_M && contains_xy(&top, own)
+            let top_m = solid.bounds(pose).max.z;
+            (top_m - own.min.z).abs() <= CARRY_GAP_M && solid.is_below(pose, &own.center(), margin_m)
         })
     }
 
@@ -176,12 +173,6 @@ impl<'a> Draw<'a> {
         let now = depth(pose);
         now <= allowed || now <= depth(&self.poses[member]) + 1e-6
     }
-}
-
-/// Whether the middle of `own` lies over `top`, seen from above.
-fn contains_xy(top: &Aabb, own: &Aabb) -> bool {
-    let middle = own.center();
-    (0..2).all(|i| top.min[i] <= middle[i] && middle[i] <= top.max[i])
 }
 
 /// The first body in the robot's way when it stands there.

@@ -35,7 +35,7 @@ impl Solids {
                 let (geom_from_shape, shape) = scene_shape(scene, &body.name, &geom.shape, body.motion)?;
                 list.push(Solid {
                     body: index,
-                    is_plane: matches!(geom.shape, SceneShape::Plane { .. }),
+                    is_plane: matches!(geom.shape, SceneShape::Plane { half_m: [x, y] } if x <= 0.0 || y <= 0.0),
                     body_from_solid: to_pose(&geom.body_from_geom) * geom_from_shape,
                     shape,
                 });
@@ -86,13 +86,38 @@ impl Solid {
     }
 
     fn find_depth_m(&self, own: &Pose, other: &Self, its: &Pose, reach_m: f64) -> Option<f64> {
-        let far = || self.bounds(own).grown(reach_m).find_intersection(&other.bounds(its)).is_none();
-        if !self.is_plane && !other.is_plane && far() {
+        match (self.is_plane, other.is_plane) {
+            (true, true) => return None,
+            (true, false) => return other.find_depth_in_plane_m(its, self, own, reach_m),
+            (false, true) => return self.find_depth_in_plane_m(own, other, its, reach_m),
+            (false, false) => {}
+        }
+        let far = self.bounds(own).grown(reach_m).find_intersection(&other.bounds(its)).is_none();
+        if far {
             return None;
         }
         let (pose_a, pose_b) = (to_pose(own) * self.body_from_solid, to_pose(its) * other.body_from_solid);
         let contact = query::contact(&pose_a, &*self.shape, &pose_b, &*other.shape, reach_m as f32);
         contact.ok().flatten().map(|contact| -f64::from(contact.dist))
+    }
+
+    /// How deep it reaches below an unbounded plane, whose solid side is its frame's lower half.
+    fn find_depth_in_plane_m(&self, own: &Pose, plane: &Self, its: &Pose, reach_m: f64) -> Option<f64> {
+        let world_from_plane = to_pose(its) * plane.body_from_solid;
+        let in_plane = self.shape.compute_aabb(&world_from_plane.inv_mul(&(to_pose(own) * self.body_from_solid)));
+        let depth = -f64::from(in_plane.mins.z);
+        (depth >= -reach_m).then_some(depth)
+    }
+
+    /// Whether a point in the world lies over it, at least `margin_m` from its sides, seen along its body's vertical.
+    pub(crate) fn is_below(&self, world_from_body: &Pose, point_in_world: &Point3<f64>, margin_m: f64) -> bool {
+        let point = world_from_body.inverse_transform_point(point_in_world);
+        let aabb = self.shape.compute_aabb(&self.body_from_solid);
+        let (low, high) = (from_vector(aabb.mins), from_vector(aabb.maxs));
+        (0..2).all(|i| {
+            let margin = margin_m.min(0.5 * (high[i] - low[i]));
+            low[i] + margin <= point[i] && point[i] <= high[i] - margin
+        })
     }
 
     /// Distance in metres to an upright cylinder that stands between two heights; 0 when they touch. `None` when farther
