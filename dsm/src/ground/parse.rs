@@ -84,6 +84,9 @@ impl Parser<'_> {
                 self.at += 1;
             }
             self.peek()?;
+            // "facing the window, choose the ...": the verb may stand after the opening.
+            let after_mark = &self.rest()[1..];
+            self.at += 1 + after_mark.len() - super::command::without_verb(after_mark).len();
         }
     }
 
