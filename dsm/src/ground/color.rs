@@ -18,8 +18,8 @@ fn lab_of(srgb: [f64; 3]) -> [f64; 3] {
     [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
 }
 
-/// Distance in CIELAB at which two colours count as alike by 1/e. Measured so that white and beige stay near .4 and
-/// red and blue at 0. Range 10 to 60.
+/// Distance in CIELAB at which two colours count as alike by 1/e: chosen, not fitted, so that neighbours such as white
+/// and beige stay somewhat alike and opposites do not (the test below holds both). Range 10 to 60.
 const ALIKE_DISTANCE: f64 = 28.0;
 
 fn alike(a: [f64; 3], b: [f64; 3], lightness_weight: f64) -> f32 {

@@ -30,8 +30,7 @@ const MAX_ENTITIES: usize = 16;
 /// Parses a noun phrase with all its modifiers; `None` when it names nothing at all.
 pub(super) fn parse_query(tokens: &[String], knowledge: &Knowledge, attachment: Attachment) -> Option<Query> {
     let mut parser = Parser { tokens, at: 0, knowledge, attachment, entities: 0, known_words: 0 };
-    parser.skip_opening();
-    let mut target = parser.parse_entity(0)?;
+    let mut target = parser.parse_target()?;
     // Further sentences speak of the target.
     while parser.at < tokens.len() {
         let before = parser.at;
@@ -74,11 +73,30 @@ impl Parser<'_> {
         fits
     }
 
+    /// The first noun phrase; an opening without one ("facing the window, ...") is skipped up to its comma.
+    fn parse_target(&mut self) -> Option<Entity> {
+        loop {
+            self.skip_opening();
+            if let Some(entity) = self.parse_entity(0) {
+                return Some(entity);
+            }
+            while self.peek().is_some_and(|word| !matches!(word, "," | ".")) {
+                self.at += 1;
+            }
+            self.peek()?;
+            // "facing the window, choose the ...": the verb may stand after the opening.
+            let after_mark = &self.rest()[1..];
+            self.at += 1 + after_mark.len() - super::command::without_verb(after_mark).len();
+        }
+    }
+
     /// "there is a ...", "it is the ...", "this is ..."
     fn skip_opening(&mut self) {
         while matches!(
             self.peek(),
-            Some("there" | "it" | "this" | "is" | "are" | "," | "." | "and" | "that" | "you" | "for")
+            Some(
+                "there" | "it" | "this" | "these" | "those" | "is" | "are" | "," | "." | "and" | "that" | "you" | "for"
+            )
         ) {
             self.at += 1;
         }

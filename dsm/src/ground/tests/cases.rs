@@ -67,6 +67,8 @@ fn left_and_right_are_the_viewers() {
     assert_found(&ground_from(&map, "the mug left of the laptop", 8.0, -2.0), 12, "left, from behind");
     assert_found(&ground_from(&map, "the mug to the right of the laptop", 2.0, -2.0), 12, "right");
     assert_found(&ground_from(&map, "the mug on the left", 2.0, -2.0), 11, "on the left");
+    let told = "facing the laptop, choose the mug that is on the left side of the laptop";
+    assert_found(&ground_from(&map, told, 2.0, -2.0), 11, told);
     let nobody = ground(&map, "the mug left of the laptop");
     assert_eq!(nobody.frame, ReferenceFrame::SceneCenter);
     assert_eq!(ground(&map, "the metal mug").frame, ReferenceFrame::None);
