@@ -13,6 +13,7 @@ pub mod build;
 pub mod camera;
 pub mod config;
 pub mod eval;
+pub mod eval_grounding;
 pub mod frame;
 pub mod geometry;
 pub mod ground;

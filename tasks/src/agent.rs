@@ -78,6 +78,15 @@ pub enum Gaze {
     Point(Point3<f64>),
 }
 
+/// A frame, and where the robot believed to be when it was read.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// The frame.
+    pub frame: Arc<RgbdFrame>,
+    /// The believed pose of the base.
+    pub world_from_base: Pose,
+}
+
 /// A robot with its senses and its map.
 pub struct Agent {
     robot: Box<dyn Robot>,
@@ -93,7 +102,7 @@ pub struct Agent {
     /// Where the head looks.
     pub gaze: Gaze,
     grip: Option<(f64, f64)>,
-    frames: BTreeMap<String, Arc<RgbdFrame>>,
+    frames: BTreeMap<String, Seen>,
     /// What happened, for the report.
     pub journal: Journal,
 }
@@ -185,7 +194,7 @@ impl Agent {
             )),
         };
         self.journal.note_frame(&frame, &world_from_base);
-        self.frames.insert(frame.camera.to_string(), frame.clone());
+        self.frames.insert(frame.camera.to_string(), Seen { frame: frame.clone(), world_from_base });
         Ok(self.perception.submit(frame, carrier)?)
     }
 
@@ -245,7 +254,7 @@ impl Agent {
     }
 
     /// The newest frame of a camera.
-    pub fn find_frame(&self, camera: &str) -> Option<&Arc<RgbdFrame>> {
+    pub fn find_frame(&self, camera: &str) -> Option<&Seen> {
         self.frames.get(camera)
     }
 
@@ -318,7 +327,9 @@ impl Agent {
                 goal.iter().zip(state.positions.values()).map(|(goal, now)| gain * (goal - now)).collect()
             }
             Gaze::Point(point) => {
-                let Some((_, camera)) = self.model.find_camera("head") else { return Ok(JointVelocities::zeros(&group.joints)) };
+                let Some((_, camera)) = self.model.find_camera("head") else {
+                    return Ok(JointVelocities::zeros(&group.joints));
+                };
                 let configuration = self.configuration()?;
                 let poses = self.model.kinematics.root_from_links(&configuration);
                 let base_from_camera = *poses.get(camera);

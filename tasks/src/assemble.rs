@@ -10,7 +10,7 @@ use dsm::perceive::Detector;
 use dsm_robot::drivers::Robot;
 use dsm_robot::limited::Limited;
 use dsm_robot::model::RobotModel;
-use dsm_sim::world::{Perception, StartPose, World, WorldConfig};
+use dsm_sim::world::{LabelIds, Perception, StartPose, World, WorldConfig};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
@@ -63,8 +63,15 @@ pub fn check(spec: &RunSpec) -> Result<(), TaskError> {
 fn load(spec: &RunSpec) -> Result<(Arc<RobotModel>, World), TaskError> {
     let model = Arc::new(RobotModel::load(&find_robot(&spec.robot)?)?);
     let perception = if spec.perception == "oracle" { Perception::Oracle } else { Perception::Noisy };
+    let label_ids = if spec.permute_labels { LabelIds::Permuted { seed: spec.seed } } else { LabelIds::default() };
     let start = spec.episode.start.map(|s| StartPose { x_m: s.x_m, y_m: s.y_m, yaw_rad: s.yaw_rad });
-    let config = WorldConfig { seed: spec.seed, perception, start, permute_labels: spec.permute_labels, ..WorldConfig::default() };
+    let config = WorldConfig {
+        seed: spec.seed,
+        perception,
+        start,
+        permute_labels: spec.permute_labels,
+        ..WorldConfig::default()
+    };
     let world = World::load(&spec.scene, model.clone(), config)?;
     Ok((model, world))
 }

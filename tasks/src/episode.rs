@@ -182,7 +182,12 @@ impl Episode {
                 _ => false,
             };
             if !complete {
-                return fail("[[step]]", i, "either command = \"text\", or skill = explore | navigate | grasp with its target = \"text\"".into());
+                return fail(
+                    "[[step]]",
+                    i,
+                    "either command = \"text\", or skill = explore | navigate | grasp with its target = \"text\""
+                        .into(),
+                );
             }
         }
         for (i, e) in self.expectations.iter().enumerate() {

@@ -4,7 +4,7 @@ use dsm::config::ConfigError;
 use dsm::store::StoreError;
 use dsm_robot::drivers::DriverError;
 use dsm_robot::model::ModelError;
-use dsm_sim::scene::SceneError;
+use dsm_sim::world::WorldError;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -22,9 +22,9 @@ pub enum TaskError {
     /// A configuration file is wrong.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The scene is wrong.
+    /// Scene and robot do not make a world.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    World(#[from] WorldError),
     /// The robot's description is wrong.
     #[error(transparent)]
     Robot(#[from] ModelError),

@@ -2,11 +2,11 @@
 
 use crate::agent::{Agent, Halt};
 use crate::episode::{SkillName, Step};
+use crate::skills::Outcome;
 use crate::skills::explore::Explorer;
 use crate::skills::grasp::{GraspSettings, grasp};
 use crate::skills::navigate::{navigate_to_object, navigate_to_room};
 use crate::skills::search::search;
-use crate::skills::Outcome;
 use crate::summary::{Failure, Stage, StepOutcome, StepSummary};
 use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, parse_command};
 use dsm::knowledge::Knowledge;
@@ -133,7 +133,11 @@ impl Executor {
         let end = Stamp(agent.deadline().0 - TIME_TO_ACT.0);
         let grounding = search(agent, &mut self.explorer, &self.grounder, &command.target, end)?;
         let now_s = agent.now().as_s();
-        agent.journal.note(now_s, format!("`{}` is {:?}: {}", command.target, grounding.status, grounding.decided_by), None);
+        agent.journal.note(
+            now_s,
+            format!("`{}` is {:?}: {}", command.target, grounding.status, grounding.decided_by),
+            None,
+        );
         let refuse = |outcome, grounding: Grounding| Done {
             outcome,
             reason: grounding.decided_by.clone(),

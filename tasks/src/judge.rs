@@ -1,7 +1,9 @@
 //! The judge: the one place that reads ground truth. It says whether expectations hold and measures the run.
 
 use crate::episode::{Expectation, ExpectationKind};
-use crate::summary::{ContactSummary, ExpectationSummary, Metrics, PoseSummary, StepOutcome, StepSummary, TruthSummary};
+use crate::summary::{
+    ContactSummary, ExpectationSummary, Metrics, PoseSummary, StepOutcome, StepSummary, TruthSummary,
+};
 use dsm::eval::{TrueObject, TrueWorld, Truth};
 use dsm::map::Map;
 use dsm_robot::nav::{Costmap, CostmapConfig, find_path};
@@ -52,7 +54,12 @@ pub struct Judge {
 
 impl Judge {
     /// A judge for one episode.
-    pub fn new(world: TrueWorld, expectations: Vec<Expectation>, bounds: Vec<JointBounds>, robot_radius_m: f64) -> Self {
+    pub fn new(
+        world: TrueWorld,
+        expectations: Vec<Expectation>,
+        bounds: Vec<JointBounds>,
+        robot_radius_m: f64,
+    ) -> Self {
         let n = expectations.len();
         Self {
             world,
@@ -129,10 +136,13 @@ impl Judge {
             let resting = expectation.surface.as_ref().is_some_and(|surface| {
                 let speed = self.last.as_ref().and_then(|last| {
                     let before = find(last, body)?;
-                    let moved = (now.world_from_body.translation.vector - before.world_from_body.translation.vector).norm();
+                    let moved =
+                        (now.world_from_body.translation.vector - before.world_from_body.translation.vector).norm();
                     Some(moved / (truth.stamp - last.stamp).as_s().max(1e-6))
                 });
-                touches(truth, body, surface) && !touches_robot(truth, body) && speed.is_some_and(|s| s < REST_SPEED_M_PER_S)
+                touches(truth, body, surface)
+                    && !touches_robot(truth, body)
+                    && speed.is_some_and(|s| s < REST_SPEED_M_PER_S)
             });
             self.resting_since_s[i] = resting.then(|| self.resting_since_s[i].unwrap_or(now_s));
         }
@@ -192,18 +202,26 @@ impl Judge {
             ExpectationKind::ObjectOn => {
                 let rested_s = self.resting_since_s[i].map_or(0.0, |since| last.stamp.as_s() - since);
                 let surface = e.surface.clone().unwrap_or_default();
-                summary(e, rested_s >= e.hold_s, format!("rests on {surface} for {rested_s:.1} s"), format!("{} s", e.hold_s))
+                summary(
+                    e,
+                    rested_s >= e.hold_s,
+                    format!("rests on {surface} for {rested_s:.1} s"),
+                    format!("{} s", e.hold_s),
+                )
             }
             ExpectationKind::Grounding => {
                 let chosen = steps.iter().rev().find_map(|s| s.grounding.as_ref()).and_then(|g| g.object_id);
                 let center = chosen.and_then(|id| map.find_object(id)).map(|o| o.bounds.center);
                 // The true object whose centre is nearest to the chosen one is what was meant.
                 let meant = center.and_then(|c| {
-                    first.objects.iter().min_by(|a, b| {
-                        (a.bounds.center - c).norm().total_cmp(&(b.bounds.center - c).norm())
-                    })
+                    first
+                        .objects
+                        .iter()
+                        .min_by(|a, b| (a.bounds.center - c).norm().total_cmp(&(b.bounds.center - c).norm()))
                 });
-                let measured = meant.map_or("nothing was chosen".into(), |o| format!("the chosen object stands where {} stood", o.body));
+                let measured = meant.map_or("nothing was chosen".into(), |o| {
+                    format!("the chosen object stands where {} stood", o.body)
+                });
                 summary(e, meant.is_some_and(|o| o.body == body), measured, format!("grounded to {body}"))
             }
             ExpectationKind::Refused => {
@@ -288,7 +306,10 @@ impl Judge {
             let angle = f64::from(i) * std::f64::consts::TAU / 16.0;
             [0.5, 0.7, 0.9].map(|r| Point2::new(center.x + r * angle.cos(), center.y + r * angle.sin()))
         });
-        goals.filter_map(|goal| find_path(&costmap, &start, &goal).ok()).map(|path| path.length_m).min_by(f64::total_cmp)
+        goals
+            .filter_map(|goal| find_path(&costmap, &start, &goal).ok())
+            .map(|path| path.length_m)
+            .min_by(f64::total_cmp)
     }
 
     /// The truth that foreign scripts need.
@@ -301,7 +322,11 @@ impl Judge {
                 .map(|o| pose_summary(&o.body, &o.world_from_body))
                 .collect()
         };
-        TruthSummary { target_pose_start: poses(&self.first), target_pose_end: poses(&self.last), contacts: self.contacts() }
+        TruthSummary {
+            target_pose_start: poses(&self.first),
+            target_pose_end: poses(&self.last),
+            contacts: self.contacts(),
+        }
     }
 }
 

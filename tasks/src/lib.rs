@@ -20,6 +20,7 @@ pub mod executor;
 pub mod journal;
 pub mod judge;
 pub mod perception;
+pub mod picture;
 pub mod report;
 pub mod run;
 pub mod settings;

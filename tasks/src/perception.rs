@@ -41,7 +41,13 @@ pub struct Perception {
 
 impl Perception {
     /// Starts the worker. `log` gets every update; results show `latency` after the frame's stamp.
-    pub fn start(detector: Box<dyn Detector>, builder: MapBuilder, map: Map, log: Option<MapLog>, latency: Span) -> Self {
+    pub fn start(
+        detector: Box<dyn Detector>,
+        builder: MapBuilder,
+        map: Map,
+        log: Option<MapLog>,
+        latency: Span,
+    ) -> Self {
         let (jobs, inbox) = channel::<Job>();
         let (outbox, results) = channel();
         let worker = std::thread::spawn(move || work(detector, builder, map, log, &inbox, &outbox));

@@ -51,13 +51,23 @@ pub struct Settings {
 
 impl Settings {
     /// Resolves the settings. `explicit` tells which keys the episode file really holds.
-    pub fn resolve(args: &WorldArgs, episode: Option<&Episode>, explicit: &dyn Fn(&str) -> bool) -> Result<Self, TaskError> {
+    pub fn resolve(
+        args: &WorldArgs,
+        episode: Option<&Episode>,
+        explicit: &dyn Fn(&str) -> bool,
+    ) -> Result<Self, TaskError> {
         let from_episode = |key: &str| if explicit(key) { Source::Episode } else { Source::Default };
-        let physics_word = |c: PhysicsChoice| c.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default();
-        let perception_word = |c: PerceptionChoice| c.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default();
+        let physics_word =
+            |c: PhysicsChoice| c.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default();
+        let perception_word =
+            |c: PerceptionChoice| c.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default();
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get().min(256) as u16);
         let settings = Self {
-            seed: pick(args.seed, "DSM_SEED", Sourced { value: episode.map_or(0, |e| e.seed), source: from_episode("seed") })?,
+            seed: pick(
+                args.seed,
+                "DSM_SEED",
+                Sourced { value: episode.map_or(0, |e| e.seed), source: from_episode("seed") },
+            )?,
             robot: pick(
                 args.robot.clone(),
                 "DSM_ROBOT",
@@ -85,7 +95,10 @@ impl Settings {
             return Err(TaskError::Usage(format!("threads is {}; expected 1 to 256", self.threads.value)));
         }
         if PerceptionChoice::from_str(&self.perception.value, false).is_err() {
-            return Err(TaskError::Usage(format!("perception is `{}`; expected noisy or oracle", self.perception.value)));
+            return Err(TaskError::Usage(format!(
+                "perception is `{}`; expected noisy or oracle",
+                self.perception.value
+            )));
         }
         match PhysicsChoice::from_str(&self.physics.value, false) {
             Ok(PhysicsChoice::Rapier) => Ok(()),
@@ -109,7 +122,9 @@ fn pick<T: FromStr>(flag: Option<T>, variable: &str, below: Sourced<T>) -> Resul
     match std::env::var(variable) {
         Ok(text) => match text.trim().parse() {
             Ok(value) => Ok(Sourced { value, source: Source::Environment }),
-            Err(_) => Err(TaskError::Usage(format!("environment variable {variable} is `{text}`, which cannot be read"))),
+            Err(_) => {
+                Err(TaskError::Usage(format!("environment variable {variable} is `{text}`, which cannot be read")))
+            }
         },
         Err(_) => Ok(below),
     }

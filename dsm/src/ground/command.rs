@@ -109,6 +109,9 @@ const VERBS: &[(&str, Action)] = &[
     ("search for", Action::Find),
     ("search", Action::Find),
     ("locate", Action::Find),
+    ("select", Action::Find),
+    ("choose", Action::Find),
+    ("identify", Action::Find),
     ("where is", Action::Find),
     ("where are", Action::Find),
     ("show me", Action::Find),
@@ -140,6 +143,7 @@ const OPENINGS: &[&str] = &[
     "you should",
     "kindly",
     ",",
+    ".",
     "and",
     "go and",
     "go ahead and",
@@ -218,7 +222,7 @@ fn skip_openings(mut tokens: &[String]) -> &[String] {
 
 fn trim_ending(mut tokens: &[String]) -> &[String] {
     while let Some((last, rest)) = tokens.split_last()
-        && matches!(last.as_str(), "please" | "," | "now" | "thanks")
+        && matches!(last.as_str(), "please" | "," | "." | "now" | "thanks")
     {
         tokens = rest;
     }

@@ -20,6 +20,8 @@ const MAX_ANCHORS: usize = 48;
 const MAX_BETWEEN: usize = 16;
 /// Candidates that score below this share of the best take no part in comparisons ("closest", "largest").
 const COMPARED_SHARE: f32 = 0.6;
+/// Categories that bound the map without being objects of it.
+const BOUNDS: [&str; 3] = ["wall", "floor", "ceiling"];
 
 /// One constraint of the query and how well each object meets it.
 pub(super) struct Factor {
@@ -144,6 +146,11 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
         between_scores(context, term, result)
     } else {
         let anchors = ranked_anchors(context, &term.anchors[0], result, MAX_ANCHORS);
+        if anchors.is_empty() && is_structure(context, &term.anchors[0]) {
+            let scores = structure_scores(context, term);
+            result.push(label, finish(context.config, term, scores), vec![None; scene.items.len()]);
+            return;
+        }
         if anchors.is_empty() {
             let missing = if term.negated { 1.0 } else { missing_anchor_score(context, &term.anchors[0]) };
             result.push(
@@ -166,6 +173,33 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
     };
     let scores = finish(context.config, term, scores);
     result.push(label, scores, anchors);
+}
+
+/// Walls, floors and ceilings bound the map but are no objects of it.
+fn is_structure(context: Context<'_, '_>, entity: &Entity) -> bool {
+    let bounds = |name: &str| context.knowledge.find(name).is_some_and(|c| BOUNDS.contains(&c.name.as_str()));
+    matches!(&entity.noun, Noun::Thing(name) if bounds(name))
+}
+
+/// "on the floor" asks for a low lower end (world z = 0 is the floor); walls and ceilings are not judged.
+fn structure_scores(context: Context<'_, '_>, term: &RelationTerm) -> Vec<f32> {
+    let is_floor = |name: &str| context.knowledge.find(name).is_some_and(|category| category.name == "floor");
+    let floor = matches!(&term.anchors[0].noun, Noun::Thing(name) if is_floor(name));
+    let judged = floor && matches!(term.word, RelationWord::On | RelationWord::Near | RelationWord::Against);
+    let score = |item: &super::scene::Item<'_>| {
+        let gap_m = (item.bounds.min.z - 0.12).max(0.0);
+        match (judged, term.negated) {
+            (true, _) => (1.0 - gap_m / 0.2).clamp(0.0, 1.0) as f32,
+            (false, negated) => {
+                if negated {
+                    0.3
+                } else {
+                    0.7
+                }
+            }
+        }
+    };
+    context.scene.items.iter().map(score).collect()
 }
 
 /// For each target that still counts, the best anchor and its score.

@@ -73,6 +73,12 @@ pub(super) const RELATIONS: &[(&str, RelationWord)] = &[
     ("in between", RelationWord::Between),
     ("in the middle of", RelationWord::Between),
     ("closest to", RelationWord::Closest),
+    ("closer to", RelationWord::Closest),
+    ("nearer to", RelationWord::Closest),
+    ("farther from", RelationWord::Farthest),
+    ("further from", RelationWord::Farthest),
+    ("farther away from", RelationWord::Farthest),
+    ("further away from", RelationWord::Farthest),
     ("nearest to", RelationWord::Closest),
     ("nearest", RelationWord::Closest),
     ("closest", RelationWord::Closest),
@@ -173,6 +179,7 @@ pub(super) const ORDINALS: &[(&str, u32)] = &[
 /// Words that end a run of content words.
 pub(super) const FUNCTION_WORDS: &[&str] = &[
     ",",
+    ".",
     "the",
     "a",
     "an",

@@ -54,6 +54,13 @@ pub(super) fn find_head(run: &[String], knowledge: &Knowledge) -> Head {
             return head(Noun::Thing(category.name.clone()), start, true);
         }
     }
+    // "printer machine": the last word that names something.
+    for start in (0..last).rev() {
+        let known = (start + 1..=last).rev().find(|&end| knowledge.find_exact(&run[start..end].join(" ")).is_some());
+        if let Some(end) = known {
+            return head(Noun::Thing(run[start..end].join(" ")), start, true);
+        }
+    }
     // "the red": a description without a noun.
     if words::find_superlative(&run[last]).is_some() || find_attribute(&run[last], knowledge).is_some() {
         return head(Noun::Anything, run.len(), true);

@@ -76,8 +76,10 @@ impl Parser<'_> {
 
     /// "there is a ...", "it is the ...", "this is ..."
     fn skip_opening(&mut self) {
-        while matches!(self.peek(), Some("there" | "it" | "this" | "is" | "are" | "," | "and" | "that" | "you" | "for"))
-        {
+        while matches!(
+            self.peek(),
+            Some("there" | "it" | "this" | "is" | "are" | "," | "." | "and" | "that" | "you" | "for")
+        ) {
             self.at += 1;
         }
     }
@@ -208,9 +210,13 @@ impl Parser<'_> {
     fn parse_modifiers(&mut self, entity: &mut Entity, depth: usize) {
         let mut after_copula = false;
         let mut negated = false;
-        while let Some(word) = self.peek() {
+        loop {
+            if depth == 0 && self.next_is(&["."]) && self.skip_foreign_sentence(&entity.noun) {
+                continue;
+            }
+            let Some(word) = self.peek() else { return };
             match word {
-                "," | "and" | "but" if depth > 0 => return,
+                "," | "." | "and" | "but" if depth > 0 => return,
                 "that" | "which" | "who" | "it" | "is" | "are" | "was" | "there" | "be"
                     if depth > 0 && self.belongs_to_target() =>
                 {
@@ -254,11 +260,37 @@ impl Parser<'_> {
                 negated = false;
                 continue;
             }
-            if depth > 0 && !words::is_function_word(self.peek().unwrap_or(",")) {
+            if depth > 0 && !words::is_function_word(self.peek().unwrap_or(".")) {
                 return;
             }
             self.at += 1;
         }
+    }
+
+    /// A further sentence about something else ("there is a dresser to the right of the curtain") says nothing of the
+    /// target that can be read as its own: it is skipped up to the next sentence.
+    fn skip_foreign_sentence(&mut self, target: &Noun) -> bool {
+        let start = self.at;
+        self.at += 1;
+        let introduces = self.skip_if(&["there", "is"]) || self.skip_if(&["there", "are"]);
+        let article = self.peek().is_some_and(|word| matches!(word, "the" | "a" | "an" | "this" | "that"));
+        self.parse_article();
+        let run = self.content_run();
+        let foreign = article && run > 0 && {
+            let head = noun::find_head(&self.tokens[self.at..self.at + run], self.knowledge);
+            match (&head.noun, target) {
+                (Noun::Thing(said), Noun::Thing(meant)) if head.known => self.knowledge.similarity(said, meant) < 0.5,
+                _ => false,
+            }
+        };
+        if !foreign && !introduces {
+            self.at = start;
+            return false;
+        }
+        while self.peek().is_some_and(|word| word != ".") {
+            self.at += 1;
+        }
+        true
     }
 
     /// In a nested noun phrase, "that is ..." belongs to the noun before it when attachment is nearest.

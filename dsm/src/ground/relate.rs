@@ -14,6 +14,11 @@ fn falling(value: f64, full: f64, none: f64) -> f64 {
     ((none - value) / (none - full)).clamp(0.0, 1.0)
 }
 
+/// Prefers the closer of two that are both near, too weakly to hide that both are.
+fn fading(distance_m: f64) -> f64 {
+    1.0 / (1.0 + 0.08 * distance_m)
+}
+
 /// Overlap of the footprints over the smaller footprint, 0 to 1.
 fn footprint_overlap(a: &Aabb, b: &Aabb) -> f64 {
     let side = |i: usize| (a.max[i].min(b.max[i]) - a.min[i].max(b.min[i])).max(0.0);
@@ -101,11 +106,16 @@ pub(super) fn relation_score(scene: &Scene<'_>, word: RelationWord, target: usiz
         RelationWord::Under => under(),
         RelationWord::Above => stored(RelationKind::Above).max(above(a, b) * (1.0 - 0.4 * rests_on(a, b))),
         RelationWord::Below => stored(RelationKind::Below).max(above(b, a)).max(under()),
-        RelationWord::NextTo => (0.9 * stored(RelationKind::NextTo)).max(beside(a, b, 0.2, 1.0)),
+        RelationWord::NextTo => {
+            (0.9 * stored(RelationKind::NextTo)).max(beside(a, b, 0.2, 1.0)) * fading(box_distance_m(a, b))
+        }
         RelationWord::Near | RelationWord::Closest => {
             (0.8 * stored(RelationKind::Near)).max(falling(box_distance_m(a, b), 0.3, 2.5))
+                * fading(box_distance_m(a, b))
         }
-        RelationWord::Far | RelationWord::Farthest => 1.0 - falling(box_distance_m(a, b), 1.0, 4.0),
+        RelationWord::Far | RelationWord::Farthest => {
+            (1.0 - falling(box_distance_m(a, b), 1.0, 4.0)) * (1.0 - 0.2 * fading(box_distance_m(a, b)))
+        }
         RelationWord::Against => stored(RelationKind::Against).max(beside(a, b, 0.08, 0.4)),
         RelationWord::With => {
             let back = RelationWord::On;

@@ -4,7 +4,7 @@
 use super::color;
 use super::query::{AttributeTerm, AttributeWord, Noun};
 use super::scene::{Item, Scene};
-use crate::knowledge::{Category, Knowledge};
+use crate::knowledge::{Category, Knowledge, normalize, singular_of};
 use crate::map::{AttributeKind, Votes};
 use std::collections::BTreeMap;
 
@@ -14,6 +14,10 @@ const UNKNOWN: f32 = 0.5;
 const CONTRADICTED: f32 = 0.05;
 /// Share of a name's votes from which on it counts fully; below a quarter of this it does not count at all.
 const FULL_SHARE: f32 = 0.5;
+/// Share of votes for the very word that was said from which on it is the object's own name.
+const LITERAL_SHARE: f32 = 0.15;
+/// Score of an object that is called by a synonym of what was said.
+const SYNONYM: f32 = 0.85;
 
 /// How well each object fits the noun, 0 to 1, in order of items.
 ///
@@ -25,19 +29,33 @@ pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge)
         Noun::Anything => return scene.items.iter().map(|item| anything_score(item, knowledge)).collect(),
         Noun::Room(_) => return vec![0.0; scene.items.len()],
     };
-    let mut similarity_of: BTreeMap<&str, f32> = BTreeMap::new();
+    let spelled = normalize(asked);
+    let asked = knowledge.meaning(asked);
+    let mut similarity_of: BTreeMap<&str, (f32, bool)> = BTreeMap::new();
     let mut scores = Vec::with_capacity(scene.items.len());
     for item in &scene.items {
         let total = item.object.names.total().max(1e-6);
-        let (mut share, mut quality) = (0.0, 0.0);
+        let (mut share, mut quality, mut literal) = (0.0, 0.0, 0.0);
         for (name, weight) in item.object.names.iter() {
-            let similarity = *similarity_of.entry(name).or_insert_with(|| knowledge.similarity(asked, name));
+            let (similarity, same_word) = *similarity_of.entry(name).or_insert_with(|| {
+                let other = normalize(name);
+                let same = other == spelled
+                    || singular_of(&other).contains(&spelled)
+                    || singular_of(&spelled).contains(&other);
+                (knowledge.similarity_to(&asked, name), same)
+            });
+            literal += if same_word { weight / total } else { 0.0 };
             let (counts, grade) = grade(similarity);
             share += counts * weight / total;
             quality += counts * grade * weight / total;
         }
         let certain = ((share / FULL_SHARE - 0.25) / 0.75).clamp(0.0, 1.0);
-        scores.push(if share > 0.0 { certain * quality / share } else { 0.0 });
+        let synonym = if literal >= LITERAL_SHARE { 1.0 } else { SYNONYM };
+        scores.push(if share > 0.0 { certain * synonym * quality / share } else { 0.0 });
+    }
+    // Where something bears the name itself, look-alikes and wider kinds step back.
+    if scores.iter().any(|score| *score >= SYNONYM) {
+        scores.iter_mut().filter(|score| **score < SYNONYM).for_each(|score| *score *= 0.7);
     }
     scores
 }

@@ -8,11 +8,11 @@ pub(super) const MAX_CHARS: usize = 2_000;
 /// Most tokens that are read.
 pub(super) const MAX_TOKENS: usize = 160;
 
-/// Lower-case words, with `,` for any sentence mark. Hyphens split words, apostrophes stay; control characters are spaces.
+/// Lower-case words, with `,` and `.` for marks within and between sentences. Hyphens split words, apostrophes stay; control characters are spaces.
 pub(super) fn tokens_of(text: &str) -> Vec<String> {
     let mut tokens: Vec<String> = Vec::new();
     let mut word = String::new();
-    let mut push = |word: &mut String, mark: bool| {
+    let mut push = |word: &mut String, mark: Option<&str>| {
         if !word.is_empty() {
             let trimmed = word.trim_matches('\'');
             // "that's" and "isn't" are two words each.
@@ -29,20 +29,23 @@ pub(super) fn tokens_of(text: &str) -> Vec<String> {
             }
             word.clear();
         }
-        if mark && tokens.last().is_some_and(|last| last != ",") {
-            tokens.push(",".to_owned());
+        if let Some(mark) = mark
+            && tokens.last().is_some_and(|last| !is_mark(last))
+        {
+            tokens.push(mark.to_owned());
         }
     };
     for c in text.chars().take(MAX_CHARS) {
         match c {
             '\u{2019}' | '\'' => word.push('\''),
-            ',' | '.' | ';' | ':' | '!' | '?' | '(' | ')' => push(&mut word, true),
+            ',' | ':' | '(' | ')' => push(&mut word, Some(",")),
+            '.' | ';' | '!' | '?' => push(&mut word, Some(".")),
             c if c.is_alphanumeric() => word.extend(c.to_lowercase()),
-            _ => push(&mut word, false),
+            _ => push(&mut word, None),
         }
     }
-    push(&mut word, false);
-    while tokens.last().is_some_and(|last| last == ",") {
+    push(&mut word, None);
+    while tokens.last().is_some_and(|last| is_mark(last)) {
         tokens.pop();
     }
     tokens.truncate(MAX_TOKENS);
@@ -59,6 +62,10 @@ fn find_in<T: Copy>(table: &[(&str, T)], tokens: &[String]) -> Option<(usize, T)
         }
     }
     best
+}
+
+fn is_mark(token: &str) -> bool {
+    matches!(token, "," | ".")
 }
 
 /// The longest relation phrase at the start of `tokens`, with its length in tokens.

@@ -7,6 +7,14 @@ use super::wording::{normalize, singular_of};
 const WIDE_KINDS: [&str; 8] =
     ["furniture", "electronics", "container", "food", "textile", "tool", "decoration", "structure"];
 
+/// A name that was looked up.
+#[derive(Clone, Debug)]
+pub struct Meaning<'k> {
+    name: String,
+    category: Option<&'k Category>,
+    kind: Option<&'k str>,
+}
+
 impl Knowledge {
     /// The category of a name. Tried in this order: the name or a synonym; its singular; the same without spaces;
     /// a name one letter away (from 4 letters on; two from 8 letters on, and the first letter must agree) if all such
@@ -41,11 +49,21 @@ impl Knowledge {
     /// 0.8 for a wider kind, 0.65 for look-alikes, 0.5 for siblings of one specific kind, 0.2 for a shared wide kind;
     /// for names that the table does not hold, by spelling.
     pub fn similarity(&self, a: &str, b: &str) -> f32 {
-        match (self.find(a), self.find(b)) {
+        self.similarity_to(&self.meaning(a), b)
+    }
+
+    /// Looks a name up once, to compare it with many by [`similarity_to`](Self::similarity_to).
+    pub fn meaning(&self, name: &str) -> Meaning<'_> {
+        Meaning { name: normalize(name), category: self.find(name), kind: self.find_kind(name) }
+    }
+
+    /// As [`similarity`](Self::similarity), with one name looked up before.
+    pub fn similarity_to(&self, a: &Meaning<'_>, b: &str) -> f32 {
+        match (a.category, self.find(b)) {
             (Some(a), Some(b)) => self.category_similarity(a, b),
-            (Some(category), None) => self.kind_similarity(category, b),
-            (None, Some(category)) => self.kind_similarity(category, a),
-            (None, None) => spelling_similarity(&normalize(a), &normalize(b)),
+            (Some(category), None) => kind_similarity(category, self.find_kind(b)),
+            (None, Some(category)) => kind_similarity(category, a.kind),
+            (None, None) => spelling_similarity(&a.name, &normalize(b)),
         }
     }
 
@@ -67,14 +85,6 @@ impl Knowledge {
 
     fn width_score(&self, hypernym: &str) -> f32 {
         if WIDE_KINDS.contains(&hypernym) { 0.2 } else { 0.5 }
-    }
-
-    fn kind_similarity(&self, category: &Category, name: &str) -> f32 {
-        match self.find_kind(name).and_then(|kind| category.hypernyms.iter().position(|h| h == kind)) {
-            Some(0) => 0.9,
-            Some(_) => 0.8,
-            None => 0.0,
-        }
     }
 
     pub(super) fn find_spelled(&self, name: &str) -> Option<usize> {
@@ -131,6 +141,14 @@ impl Knowledge {
             rest = tail;
         }
         None
+    }
+}
+
+fn kind_similarity(category: &Category, kind: Option<&str>) -> f32 {
+    match kind.and_then(|kind| category.hypernyms.iter().position(|hypernym| hypernym == kind)) {
+        Some(0) => 0.9,
+        Some(_) => 0.8,
+        None => 0.0,
     }
 }
 

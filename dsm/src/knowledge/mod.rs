@@ -11,5 +11,6 @@ mod wording;
 mod words;
 
 pub use category::{Category, Knowledge, KnowledgeError};
+pub use lookup::Meaning;
 pub use wording::{normalize, singular_of};
 pub use words::{ColorPrototype, WordList, Words};

@@ -13,7 +13,7 @@ mod show;
 pub use atomic::write_atomically;
 pub use export::{ExportFormat, export_map};
 pub use log::{FORMAT_VERSION, LoadedMap, MAGIC, MapLog, load_map, save_map};
-pub use show::{ShownMap, show_map};
+pub use show::{ShownAttributes, ShownMap, ShownObject, ShownRelation, ShownRoom, show_map};
 
 use std::path::PathBuf;
 use thiserror::Error;

@@ -25,3 +25,8 @@ pub use goal::{GoalConfig, StandPose, StandRange, find_reach_poses, find_room_po
 pub use grid::Grid;
 pub use planner::{Field, Path, PlanFailure, Pose2, find_path};
 pub use sight::{Sight, Visibility};
+
+pub(crate) use config::check as check_range;
+pub(crate) use grid::wrap_angle;
+#[cfg(test)]
+pub(crate) use sight::tests::room_grid;

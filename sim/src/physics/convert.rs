@@ -10,12 +10,12 @@ pub(super) fn to_vector(v: &Vector3<f64>) -> Vector {
 }
 
 /// From rapier's vector.
-pub(super) fn from_vector(v: Vector) -> Vector3<f64> {
+pub(crate) fn from_vector(v: Vector) -> Vector3<f64> {
     Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
 }
 
 /// To rapier's pose.
-pub(super) fn to_pose(pose: &Pose) -> RapierPose {
+pub(crate) fn to_pose(pose: &Pose) -> RapierPose {
     let q = pose.rotation;
     RapierPose::from_parts(
         to_vector(&pose.translation.vector),

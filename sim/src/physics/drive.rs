@@ -41,6 +41,9 @@ struct Motor {
     target: JointTarget,
     /// The moving position target.
     reference: f64,
+    /// Measured position and its change per second.
+    position: f64,
+    velocity: f64,
     effort: f64,
     is_finger: bool,
 }
@@ -70,6 +73,8 @@ impl Drive {
                 gains: gains(joint, is_finger),
                 target: JointTarget::Velocity(0.0),
                 reference: *position,
+                position: *position,
+                velocity: 0.0,
                 effort: 0.0,
                 is_finger,
             }
@@ -98,8 +103,7 @@ impl Drive {
         self.drive_base(robot, world, dt_s);
         for (index, place) in robot.joints.iter().enumerate() {
             let holding = holding_effort(robot, place, world);
-            let position = coordinate(world, place);
-            self.drive_joint(index, place, world, position, holding, dt_s);
+            self.drive_joint(index, place, world, holding, dt_s);
         }
     }
 
@@ -126,22 +130,14 @@ impl Drive {
         }
     }
 
-    fn drive_joint(
-        &mut self,
-        index: usize,
-        place: &JointPlace,
-        world: &mut PhysicsWorld,
-        position: f64,
-        holding: f64,
-        dt_s: f64,
-    ) {
+    fn drive_joint(&mut self, index: usize, place: &JointPlace, world: &mut PhysicsWorld, holding: f64, dt_s: f64) {
         let motor = &mut self.motors[index];
         let (velocity, max_effort) = match motor.target {
             JointTarget::Velocity(velocity) => {
                 let velocity = if velocity.is_finite() { velocity } else { 0.0 };
                 let velocity = velocity.clamp(-place.max_speed, place.max_speed);
                 let wanted = (motor.reference + velocity * dt_s).clamp(place.lower, place.upper);
-                motor.reference = wanted.clamp(position - motor.gains.lead, position + motor.gains.lead);
+                motor.reference = wanted.clamp(motor.position - motor.gains.lead, motor.position + motor.gains.lead);
                 // No feed-forward into a limit.
                 let blocked = wanted <= place.lower && velocity < 0.0 || wanted >= place.upper && velocity > 0.0;
                 (if blocked { 0.0 } else { velocity }, place.max_effort)
@@ -170,29 +166,34 @@ impl Drive {
     }
 
     /// Reads back what the motors did during the step.
-    pub(super) fn after_step(&mut self, robot: &BuiltRobot, world: &PhysicsWorld) {
+    ///
+    /// Velocity is the change of position, as an encoder sees it: under a contact's load the solver's own velocities
+    /// keep a share that position never follows (7 mm/s for fingers that press an apple and stand still).
+    pub(super) fn after_step(&mut self, robot: &BuiltRobot, world: &PhysicsWorld, dt_s: f64) {
         for (motor, place) in self.motors.iter_mut().zip(&robot.joints) {
             let Some((multibody, link)) = world.multibody_joints.get(place.joint) else { continue };
             let Some(link) = multibody.link(link) else { continue };
             let Some(data) = link.joint.data.motor(place.axis) else { continue };
-            let position = link.joint.coords()[place.axis as usize];
-            let velocity = multibody.joint_velocity(link)[0];
-            let effort = data.stiffness * (data.target_pos - position) + data.damping * (data.target_vel - velocity);
-            motor.effort = f64::from(effort.clamp(-data.max_force, data.max_force));
+            let position = f64::from(link.joint.coords()[place.axis as usize]);
+            motor.velocity = (position - motor.position) / dt_s;
+            motor.position = position;
+            let (stiffness, damping, max) =
+                (f64::from(data.stiffness), f64::from(data.damping), f64::from(data.max_force));
+            let effort = stiffness * (f64::from(data.target_pos) - position)
+                + damping * (f64::from(data.target_vel) - motor.velocity);
+            motor.effort = effort.clamp(-max, max);
         }
     }
-}
 
-/// The joint's value, radians or metres.
-pub(super) fn coordinate(world: &PhysicsWorld, place: &JointPlace) -> f64 {
-    let link = world.multibody_joints.get(place.joint).and_then(|(multibody, link)| multibody.link(link));
-    link.map_or(0.0, |link| f64::from(link.joint.coords()[place.axis as usize]))
-}
+    /// Measured positions, radians or metres.
+    pub(super) fn positions(&self) -> impl Iterator<Item = f64> {
+        self.motors.iter().map(|motor| motor.position)
+    }
 
-/// The joint's velocity, radians or metres per second.
-pub(super) fn velocity(world: &PhysicsWorld, place: &JointPlace) -> f64 {
-    let Some((multibody, link)) = world.multibody_joints.get(place.joint) else { return 0.0 };
-    multibody.link(link).map_or(0.0, |link| f64::from(multibody.joint_velocity(link)[0]))
+    /// Measured velocities, radians or metres per second.
+    pub(super) fn velocities(&self) -> impl Iterator<Item = f64> {
+        self.motors.iter().map(|motor| motor.velocity)
+    }
 }
 
 /// The effort that holds everything the joint carries against gravity, without load.

@@ -13,16 +13,21 @@ mod convert;
 mod drive;
 mod rapier;
 mod robot_body;
+mod settle;
 mod shapes;
 
+pub(crate) use convert::{from_vector, to_pose};
 pub use rapier::{RapierPhysics, RobotStart};
 pub use robot_body::{BaseDrive, FingerPair, RobotBody};
+pub(crate) use settle::settle_scene;
+pub(crate) use shapes::scene_shape;
 
 use dsm::Pose;
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::{JointNames, JointPositions, JointVelocities};
 use nalgebra::{Point3, Vector3};
+use std::path::PathBuf;
 use thiserror::Error;
 
 /// What a contact is between.
@@ -117,6 +122,20 @@ pub enum PhysicsError {
         /// What was given.
         mass_kg: f64,
     },
+    /// The URDF cannot be read.
+    #[error("{}: {reason}", file.display())]
+    Unreadable {
+        /// The URDF.
+        file: PathBuf,
+        /// What went wrong.
+        reason: String,
+    },
+    /// The gripper is not a parallel gripper of two fingers.
+    #[error("the gripper needs exactly two finger joints and two finger links, got {got:?}")]
+    BadGripper {
+        /// The joints or links given.
+        got: Vec<String>,
+    },
     /// A parameter out of its range.
     #[error("{name} = {value} is out of range: {expected}")]
     OutOfRange {
@@ -156,6 +175,8 @@ pub trait Physics: Send {
     /// Lets one step pass.
     fn step(&mut self);
 
+    /// Number of scene bodies.
+    fn body_count(&self) -> usize;
     /// Pose of the scene body with this index in `SceneModel::bodies`.
     fn world_from_body(&self, body: usize) -> Pose;
     /// Velocity of a scene body.

@@ -1,7 +1,7 @@
 //! Physics on rapier.
 
 use super::convert::{from_point, from_pose, from_vector, to_pose};
-use super::drive::{Drive, coordinate, velocity};
+use super::drive::Drive;
 use super::robot_body::{BuiltRobot, JointPlace, RobotBody, build_robot, find_link_of_tag};
 use super::shapes::scene_shape;
 use super::{BodyVelocity, Contact, ContactParty, JointTarget, Physics, PhysicsConfig, PhysicsError};
@@ -15,7 +15,7 @@ use rapier3d::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Standard gravity, m/s^2.
-const GRAVITY: f32 = 9.80665;
+pub(super) const GRAVITY: f32 = 9.80665;
 /// Rolling and air resistance as damping of free bodies, 1/s: without it a round fruit would roll for ever.
 const LINEAR_DAMPING: f32 = 0.05;
 const ANGULAR_DAMPING: f32 = 1.0;
@@ -136,7 +136,7 @@ impl RapierPhysics {
     }
 }
 
-fn check(config: &PhysicsConfig) -> Result<(), PhysicsError> {
+pub(super) fn check(config: &PhysicsConfig) -> Result<(), PhysicsError> {
     let out = |name: &str, value: f64, expected: &str| {
         Err(PhysicsError::OutOfRange { name: name.into(), value, expected: expected.into() })
     };
@@ -152,7 +152,7 @@ fn check(config: &PhysicsConfig) -> Result<(), PhysicsError> {
     Ok(())
 }
 
-fn insert_body(
+pub(super) fn insert_body(
     world: &mut PhysicsWorld,
     scene: &SceneModel,
     index: usize,
@@ -261,8 +261,12 @@ impl Physics for RapierPhysics {
     fn step(&mut self) {
         self.drive.before_step(&self.robot, &mut self.world, self.step.as_s());
         self.world.step_with_events(&self.filter, &());
-        self.drive.after_step(&self.robot, &self.world);
+        self.drive.after_step(&self.robot, &self.world, self.step.as_s());
         self.steps += 1;
+    }
+
+    fn body_count(&self) -> usize {
+        self.scene_bodies.len()
     }
 
     fn world_from_body(&self, body: usize) -> Pose {
@@ -307,17 +311,13 @@ impl Physics for RapierPhysics {
 
     fn joint_positions(&self) -> JointPositions {
         let mut positions = JointPositions::zeros(&self.robot.joint_names);
-        for (value, place) in positions.values_mut().iter_mut().zip(&self.robot.joints) {
-            *value = coordinate(&self.world, place);
-        }
+        positions.values_mut().iter_mut().zip(self.drive.positions()).for_each(|(value, position)| *value = position);
         positions
     }
 
     fn joint_velocities(&self) -> JointVelocities {
         let mut velocities = JointVelocities::zeros(&self.robot.joint_names);
-        for (value, place) in velocities.values_mut().iter_mut().zip(&self.robot.joints) {
-            *value = velocity(&self.world, place);
-        }
+        velocities.values_mut().iter_mut().zip(self.drive.velocities()).for_each(|(value, velocity)| *value = velocity);
         velocities
     }
 

@@ -5,6 +5,7 @@ use super::convert::{from_urdf_origin, to_pose, to_vector};
 use super::shapes::urdf_shape;
 use dsm::Pose;
 use dsm_robot::joints::JointNames;
+use dsm_robot::model::RobotModel;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rapier3d::prelude::*;
 use std::collections::BTreeSet;
@@ -50,6 +51,40 @@ pub struct RobotBody {
     pub fingers: FingerPair,
     /// Pairs of links that never collide.
     pub ignored_pairs: Vec<[String; 2]>,
+}
+
+impl RobotBody {
+    /// What physics must know of a loaded robot; reads its URDF again.
+    ///
+    /// # Errors
+    /// [`PhysicsError::Unreadable`] when the URDF cannot be read, [`PhysicsError::BadGripper`] unless the gripper has
+    /// exactly two fingers.
+    pub fn load(model: &RobotModel) -> Result<Self, PhysicsError> {
+        let settings = &model.settings;
+        let file = model.file.with_file_name(&settings.urdf);
+        let urdf = urdf_rs::read_file(&file)
+            .map_err(|error| PhysicsError::Unreadable { file: file.clone(), reason: error.to_string() })?;
+        let two =
+            |names: &[String]| <[String; 2]>::try_from(names.to_vec()).map_err(|got| PhysicsError::BadGripper { got });
+        let gripper = &settings.gripper;
+        Ok(Self {
+            urdf,
+            base_link: settings.base.link.clone(),
+            drive: BaseDrive {
+                max_force_n: settings.base.max_drive_force_n,
+                max_torque_nm: settings.base.max_turn_torque_nm,
+                max_speed_m_per_s: settings.base.max_speed_m_per_s,
+                max_turn_rad_per_s: settings.base.max_turn_rate_rad_per_s,
+            },
+            fingers: FingerPair {
+                joints: two(&gripper.joints)?,
+                links: two(&gripper.finger_links)?,
+                friction: gripper.finger_friction,
+                max_force_n: gripper.max_force_n,
+            },
+            ignored_pairs: settings.collision.ignored_pairs.clone(),
+        })
+    }
 }
 
 /// A link of the URDF: rigidly on a rigid body.

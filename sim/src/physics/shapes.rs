@@ -29,7 +29,7 @@ fn positive(owner: &str, values: &[f64]) -> Result<(), PhysicsError> {
 /// The collision shape of a scene geom and its pose in the geom's frame.
 ///
 /// Meshes of free bodies become their convex hull, those of fixed bodies stay triangle meshes.
-pub(super) fn scene_shape(
+pub(crate) fn scene_shape(
     scene: &SceneModel,
     owner: &str,
     shape: &SceneShape,

@@ -3,27 +3,20 @@
 #![allow(dead_code, reason = "each program that includes this module uses a part of it")]
 
 use dsm::Pose;
-use dsm_sim::physics::{BaseDrive, FingerPair, RobotBody, RobotStart};
-use dsm_sim::scene::{BodyMotion, SceneBody, SceneGeom, SceneMaterial, SceneModel, SceneShape};
+use dsm_robot::model::RobotModel;
+use dsm_sim::physics::{RobotBody, RobotStart};
+use dsm_sim::scene::{BodyMotion, SceneBody, SceneGeom, SceneModel, SceneShape};
 use nalgebra::Vector3;
-use std::path::PathBuf;
+use std::path::Path;
 
 /// An empty world with a floor.
 pub(crate) fn floor() -> SceneModel {
-    let material = SceneMaterial {
-        name: "grey".into(),
-        rgba: [0.5, 0.5, 0.5, 1.0],
-        texture: None,
-        texture_repeat: [1.0; 2],
-        specular: 0.0,
-        shininess: 0.0,
-        emission: 0.0,
-    };
     let plane = SceneShape::Plane { half_m: [0.0, 0.0] };
     SceneModel {
         name: "blocks".into(),
         bodies: vec![body("world", Pose::identity(), BodyMotion::Fixed, 0.0, plane, 0.6)],
-        materials: vec![material],
+        // Nothing here is drawn.
+        materials: vec![],
         textures: vec![],
         meshes: vec![],
         lights: vec![],
@@ -75,48 +68,21 @@ pub(crate) fn add_free(scene: &mut SceneModel, at: [f64; 3], mass_kg: f64, shape
     add(scene, body(&name, Pose::translation(at[0], at[1], at[2]), BodyMotion::Free, mass_kg, shape, friction))
 }
 
-fn porter_folder() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter")
-}
-
-fn porter_toml() -> toml::Table {
-    let text = std::fs::read_to_string(porter_folder().join("robot.toml")).expect("robot.toml");
-    text.parse().expect("robot.toml parses")
+/// The model of the robot porter.
+pub(crate) fn porter_model() -> RobotModel {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter");
+    RobotModel::load(&folder).expect("porter loads")
 }
 
 /// The robot porter as physics sees it.
 pub(crate) fn porter() -> RobotBody {
-    let table = porter_toml();
-    let number = |section: &str, key: &str| table[section][key].as_float().expect("a number");
-    let pair = |section: &str, key: &str| {
-        let names = table[section][key].as_array().expect("an array");
-        [0, 1].map(|i| names[i].as_str().expect("a name").to_owned())
-    };
-    let ignored = table["collision"]["ignored_pairs"].as_array().expect("pairs");
-    RobotBody {
-        urdf: urdf_rs::read_file(porter_folder().join("robot.urdf")).expect("robot.urdf"),
-        base_link: "base_link".into(),
-        drive: BaseDrive {
-            max_force_n: number("base", "max_drive_force_n"),
-            max_torque_nm: number("base", "max_turn_torque_nm"),
-            max_speed_m_per_s: number("base", "max_speed_m_per_s"),
-            max_turn_rad_per_s: number("base", "max_turn_rate_rad_per_s"),
-        },
-        fingers: FingerPair {
-            joints: pair("gripper", "joints"),
-            links: pair("gripper", "finger_links"),
-            friction: number("gripper", "finger_friction"),
-            max_force_n: number("gripper", "max_force_n"),
-        },
-        ignored_pairs: ignored.iter().map(|p| [0, 1].map(|i| p[i].as_str().expect("a name").to_owned())).collect(),
-    }
+    RobotBody::load(&porter_model()).expect("porter has a body")
 }
 
 /// Joint values of a posture of porter.
 pub(crate) fn posture(name: &str) -> Vec<(String, f64)> {
-    let table = porter_toml();
-    let values = table["postures"][name].as_table().expect("a posture");
-    values.iter().map(|(joint, value)| (joint.clone(), value.as_float().expect("a number"))).collect()
+    let posture = porter_model().find_posture(name).expect("a posture");
+    posture.iter().map(|(joint, value)| (joint.to_owned(), value)).collect()
 }
 
 /// Porter at the origin in a posture, with the lift at `lift_m` and the gripper open.

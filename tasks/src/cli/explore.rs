@@ -26,7 +26,8 @@ pub struct ExploreArgs {
 pub fn run(args: ExploreArgs) -> anyhow::Result<u8> {
     let settings = Settings::resolve(&args.world, None, &|_| false)?;
     set_threads(settings.threads.value)?;
-    let folder_name = if args.scene.is_dir() { args.scene.file_name() } else { args.scene.parent().and_then(|p| p.file_name()) };
+    let folder_name =
+        if args.scene.is_dir() { args.scene.file_name() } else { args.scene.parent().and_then(|p| p.file_name()) };
     let scene_name = folder_name.map_or("scene".into(), |n| n.to_string_lossy().into_owned());
     let spec = RunSpec {
         name: format!("explore-{scene_name}"),

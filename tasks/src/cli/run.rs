@@ -147,7 +147,12 @@ pub fn progress_bar(limit_s: f64) -> ProgressBar {
 }
 
 fn describe(summary: &Summary, folder: &Path) -> String {
-    let mut text = format!("{} (seed {}): {}\n", summary.episode, summary.seed, if summary.success { "success" } else { "FAILED" });
+    let mut text = format!(
+        "{} (seed {}): {}\n",
+        summary.episode,
+        summary.seed,
+        if summary.success { "success" } else { "FAILED" }
+    );
     for step in &summary.steps {
         let _ = writeln!(text, "  step {}: {} -> {:?}: {}", step.index, step.command, step.outcome, step.reason);
     }

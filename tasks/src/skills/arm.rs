@@ -65,7 +65,12 @@ pub fn move_joints(agent: &mut Agent, goal: &JointPositions, obstacles: &[Obstac
 }
 
 /// Moves along a named path of postures, forwards or backwards.
-pub fn move_along(agent: &mut Agent, path: &str, direction: Direction, obstacles: &[Obstacle]) -> Result<ArmOutcome, Halt> {
+pub fn move_along(
+    agent: &mut Agent,
+    path: &str,
+    direction: Direction,
+    obstacles: &[Obstacle],
+) -> Result<ArmOutcome, Halt> {
     let model = agent.model().clone();
     let mut postures: Vec<&String> = model.settings.paths.get(path).into_iter().flatten().collect();
     if direction == Direction::Backward {

@@ -41,7 +41,12 @@ impl Explorer {
     }
 
     /// Explores until `enough` says so, nothing is left, or `end` comes.
-    pub fn run(&mut self, agent: &mut Agent, end: Stamp, enough: &mut dyn FnMut(&Arc<Map>) -> bool) -> Result<ExploreOutcome, Halt> {
+    pub fn run(
+        &mut self,
+        agent: &mut Agent,
+        end: Stamp,
+        enough: &mut dyn FnMut(&Arc<Map>) -> bool,
+    ) -> Result<ExploreOutcome, Halt> {
         if !self.looked_around {
             look_around(agent, 2.4)?;
             self.looked_around = true;
@@ -56,7 +61,11 @@ impl Explorer {
             match self.choose(agent)? {
                 Next::Frontier(frontier) => {
                     let now_s = agent.now().as_s();
-                    agent.journal.note(now_s, format!("frontier at ({:.1}, {:.1})", frontier.center.x, frontier.center.y), None);
+                    agent.journal.note(
+                        now_s,
+                        format!("frontier at ({:.1}, {:.1})", frontier.center.x, frontier.center.y),
+                        None,
+                    );
                     self.frontiers.record(&frontier, &self.nav.frontier);
                     match self.visit(agent, frontier.stand, end, enough)? {
                         DriveOutcome::Arrived => look_around(agent, 1.0)?,
@@ -66,7 +75,11 @@ impl Explorer {
                 }
                 Next::Viewpoint(view) => {
                     let now_s = agent.now().as_s();
-                    agent.journal.note(now_s, format!("viewpoint at ({:.1}, {:.1})", view.stand.position.x, view.stand.position.y), None);
+                    agent.journal.note(
+                        now_s,
+                        format!("viewpoint at ({:.1}, {:.1})", view.stand.position.x, view.stand.position.y),
+                        None,
+                    );
                     self.coverage.settle(&view);
                     if self.visit(agent, view.stand, end, enough)? == DriveOutcome::Enough {
                         return Ok(ExploreOutcome::Enough);

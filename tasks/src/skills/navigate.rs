@@ -26,7 +26,10 @@ pub fn navigate_to_object(agent: &mut Agent, nav: &NavConfig, id: ObjectId) -> R
             find_view_poses(&map, &costmap, &field, &bounds, &config.goal)
         })?;
         let Some(place) = places.get(attempt.min(places.len().saturating_sub(1))) else {
-            return Ok(Outcome::Failed(Stage::Planning, "no place from which the object is seen can be reached".into()));
+            return Ok(Outcome::Failed(
+                Stage::Planning,
+                "no place from which the object is seen can be reached".into(),
+            ));
         };
         agent.gaze = Gaze::Joints(vec![0.0, 0.42]);
         if Drive::new(nav, place.pose).run(agent)? == DriveOutcome::Arrived {

@@ -14,7 +14,13 @@ const SURE_FOR: Span = Span(3_000_000_000);
 const GROUND_EVERY: Span = Span(1_000_000_000);
 
 /// Grounds `text`, exploring as long as the answer is not sure and something is left to see before `end`.
-pub fn search(agent: &mut Agent, explorer: &mut Explorer, grounder: &Arc<Grounder>, text: &str, end: Stamp) -> Result<Grounding, Halt> {
+pub fn search(
+    agent: &mut Agent,
+    explorer: &mut Explorer,
+    grounder: &Arc<Grounder>,
+    text: &str,
+    end: Stamp,
+) -> Result<Grounding, Halt> {
     let mut grounded_at = Stamp(i64::MIN / 2);
     let mut same_since: Option<(Stamp, Option<u64>, Option<u32>)> = None;
     let mut enough = |map: &Arc<dsm::map::Map>| {

@@ -239,3 +239,18 @@ fn views_confirm_colours_that_the_map_does_not_name() {
     }
     assert_status(&ground(&map, "the yellow ball"), GroundingStatus::Absent, "the yellow ball");
 }
+
+#[test]
+fn the_floor_and_walls_are_no_objects() {
+    let map = map_of([
+        thing(1, "table", [0.0, 0.0, 0.375], [1.4, 0.8, 0.75]),
+        thing(2, "ball", [0.0, 0.0, 0.85], [0.2, 0.2, 0.2]),
+        thing(3, "ball", [2.0, 0.0, 0.1], [0.2, 0.2, 0.2]),
+        thing(4, "picture", [3.0, 0.0, 1.5], [0.5, 0.02, 0.4]),
+    ]);
+    assert_found(&ground(&map, "the ball on the floor"), 3, "on the floor");
+    assert_found(&ground(&map, "the ball that is not on the floor"), 2, "not on the floor");
+    assert_found(&ground(&map, "the picture on the wall"), 4, "on the wall");
+    let told = "this is a ball. it is on the floor. there is a table to the left of it. the table is brown.";
+    assert_found(&ground(&map, told), 3, "several sentences");
+}

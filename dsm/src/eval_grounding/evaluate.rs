@@ -1,0 +1,174 @@
+//! Answers and rates.
+
+use super::data::{BoxObject, QueryLine, SceneLine, TargetBox};
+use crate::ground::{Grounder, GroundingStatus};
+use crate::map::Map;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// The answer to one query, as it is written to a predictions file.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Prediction {
+    /// The query.
+    pub query_id: String,
+    /// The best guess in the scene's own type of identity; null when absent or unparsed.
+    pub predicted_id: Option<serde_json::Value>,
+    /// How grounding ended.
+    pub status: GroundingStatus,
+    /// Its score.
+    pub score: f32,
+    /// Wall time in microseconds.
+    pub time_us: u64,
+}
+
+/// A rate with its 95 % Wilson interval, in percent.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Rate {
+    /// Right answers.
+    pub right: usize,
+    /// All queries.
+    pub count: usize,
+    /// Share of right answers.
+    pub percent: f64,
+    /// Lower and upper end of the interval.
+    pub interval: [f64; 2],
+}
+
+/// Rates by split. Splits of Acc@IoU are named `dataset@25` and `dataset@50`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// What the reasoner was given.
+    pub tier: String,
+    /// Rates by `dataset` and `dataset/split`.
+    pub rates: BTreeMap<String, Rate>,
+    /// Queries without a guess, by data set.
+    pub abstained: BTreeMap<String, usize>,
+}
+
+impl Rate {
+    /// The rate of `right` out of `count`; zero for none.
+    pub fn new(right: usize, count: usize) -> Self {
+        if count == 0 {
+            return Self { right, count, percent: 0.0, interval: [0.0, 0.0] };
+        }
+        let (n, z) = (count as f64, 1.96_f64);
+        let p = right as f64 / n;
+        let width = 1.0 + z * z / n;
+        let middle = p + z * z / (2.0 * n);
+        let half = z * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
+        let interval = [100.0 * (middle - half) / width, 100.0 * (middle + half) / width];
+        Self { right, count, percent: 100.0 * p, interval }
+    }
+}
+
+/// Grounds all queries, and scores those whose truth is known. `now_us` reads a clock for `time_us` alone.
+///
+/// Queries of an unknown scene get no guess. The result does not depend on the number of threads.
+pub fn evaluate(
+    scenes: &BTreeMap<String, SceneLine>,
+    queries: &[QueryLine],
+    grounder: &Grounder,
+    now_us: impl Fn() -> u64 + Sync,
+) -> (Vec<Prediction>, Report) {
+    let maps: BTreeMap<&str, Map> = scenes.iter().map(|(id, scene)| (id.as_str(), scene.import())).collect();
+    let answer = |query: &QueryLine| {
+        let before_us = now_us();
+        let scene = scenes.get(&query.scene_id);
+        let map = maps.get(query.scene_id.as_str());
+        let grounding = map.map(|map| grounder.ground(map, &query.utterance, None));
+        let guess = grounding.as_ref().and_then(|g| g.object_id);
+        let object = scene.zip(guess).and_then(|(scene, id)| scene.objects.get(id.0 as usize));
+        Prediction {
+            query_id: query.query_id.clone(),
+            predicted_id: object.map(|object| object.id.clone()),
+            status: grounding.as_ref().map_or(GroundingStatus::Unparsed, |g| g.status),
+            score: grounding.as_ref().map_or(0.0, |g| g.score),
+            time_us: now_us().saturating_sub(before_us),
+        }
+    };
+    let predictions: Vec<Prediction> = queries.par_iter().map(answer).collect();
+    let mut counts: BTreeMap<String, [usize; 2]> = BTreeMap::new();
+    let mut abstained: BTreeMap<String, usize> = BTreeMap::new();
+    for (query, prediction) in queries.iter().zip(&predictions) {
+        *abstained.entry(query.dataset.clone()).or_default() += usize::from(prediction.predicted_id.is_none());
+        for (name, right) in outcomes(scenes.get(&query.scene_id), query, prediction) {
+            for key in std::iter::once(name.clone()).chain(splits(query).map(|split| format!("{name}/{split}"))) {
+                let count = counts.entry(key).or_default();
+                count[0] += usize::from(right);
+                count[1] += 1;
+            }
+        }
+    }
+    let rates = counts.into_iter().map(|(key, [right, count])| (key, Rate::new(right, count))).collect();
+    let detected = queries.iter().any(|query| query.scene_id.ends_with("#det"));
+    let tier = if detected { "true boxes and labels; `det`: detected boxes" } else { "true boxes and labels" };
+    (predictions, Report { tier: tier.to_owned(), rates, abstained })
+}
+
+/// What is scored of a query: top-1 where the target's identity is known, Acc@.25 and @.5 where its box is.
+fn outcomes(scene: Option<&SceneLine>, query: &QueryLine, prediction: &Prediction) -> Vec<(String, bool)> {
+    let guessed = |object: &&BoxObject| Some(&object.id) == prediction.predicted_id.as_ref();
+    if let Some(target) = query.target_box {
+        let found = scene.and_then(|scene| scene.objects.iter().find(guessed));
+        let overlap = |o: &BoxObject| TargetBox { center: o.center, size: o.size }.aabb().iou(&target.aabb());
+        let iou = found.map_or(0.0, overlap);
+        return [(25, 0.25), (50, 0.5)].map(|(p, t)| (format!("{}@{p}", query.dataset), iou >= t)).to_vec();
+    }
+    match &query.target_id {
+        Some(target) => vec![(query.dataset.clone(), prediction.predicted_id.as_ref() == Some(target))],
+        None => Vec::new(),
+    }
+}
+
+fn splits(query: &QueryLine) -> impl Iterator<Item = &str> {
+    let choose = |value: Option<bool>, yes, no| value.map(|value| if value { yes } else { no });
+    [
+        choose(query.hard, "hard", "easy"),
+        choose(query.view_dependent, "view_dep", "view_indep"),
+        choose(query.unique, "unique", "multiple"),
+        query.reference_type.as_deref(),
+    ]
+    .into_iter()
+    .flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: lines are read, grounded without truth, and counted per split with their interval.
+    use super::super::{read_queries, read_scenes};
+    use super::*;
+    use crate::ground::GroundConfig;
+    use crate::knowledge::Knowledge;
+    use std::sync::Arc;
+
+    const SCENES: &str = r#"{"scene_id": "a", "objects": [
+        {"id": 7, "label": "table", "center": [0,0,0.4], "size": [1,1,0.8], "mean_rgb": [120,80,40], "front": null, "score": null},
+        {"id": "x", "label": "lamp", "center": [0,0,1.0], "size": [0.2,0.2,0.4], "mean_rgb": null, "front": null, "score": null},
+        {"id": 9, "label": "lamp", "center": [3,0,1.0], "size": [0.2,0.2,0.4], "mean_rgb": null, "front": null, "score": null}]}"#;
+
+    #[test]
+    fn queries_are_counted_by_split() {
+        let scenes = read_scenes(&SCENES.replace('\n', " ")).unwrap();
+        let queries = read_queries(concat!(
+            r#"{"dataset": "d", "query_id": "1", "scene_id": "a", "utterance": "the lamp on the table", "target_id": "x", "hard": false}"#,
+            "\n\n",
+            r#"{"dataset": "d", "query_id": "2", "scene_id": "a", "utterance": "the fridge", "target_id": 7, "hard": true}"#,
+            "\n",
+            r#"{"dataset": "b", "query_id": "3", "scene_id": "a", "utterance": "the table", "target_box": {"center": [0,0,0.4], "size": [1,1,0.8]}}"#,
+            "\n",
+            r#"{"dataset": "d", "query_id": "4", "scene_id": "nowhere", "utterance": "the table"}"#,
+        ))
+        .unwrap();
+        let knowledge = Arc::new(Knowledge::embedded().unwrap());
+        let grounder = Grounder::new(GroundConfig::default(), knowledge).unwrap();
+        let (predictions, report) = evaluate(&scenes, &queries, &grounder, || 0);
+        assert_eq!(predictions[0].predicted_id, Some("x".into()));
+        assert_eq!(predictions[1].predicted_id, None);
+        assert_eq!((report.rates["d"].right, report.rates["d"].count), (1, 2));
+        assert_eq!(report.rates["d/easy"].percent, 100.0);
+        assert_eq!(report.rates["b@50"].right, 1);
+        assert_eq!(report.abstained["d"], 2);
+        assert!(read_queries("{\"dataset\": 1}").is_err());
+    }
+}

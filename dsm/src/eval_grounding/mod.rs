@@ -1,0 +1,10 @@
+//! Measures grounding on referring expressions over known boxes (Nr3D, Sr3D, ScanRefer in one line-based format).
+//!
+//! A scene's boxes are imported as a map and grounded by the code that serves the robot. Only the utterance and the
+//! scene's boxes reach it; truth is read by [`evaluate`] alone, after the answer.
+
+mod data;
+mod evaluate;
+
+pub use data::{BoxObject, DataError, QueryLine, SceneLine, TargetBox, read_queries, read_scenes};
+pub use evaluate::{Prediction, Rate, Report, evaluate};

@@ -1,0 +1,220 @@
+//! The scene and the robot as a camera sees them.
+
+use super::light::LightDraw;
+use super::shapes;
+use super::visual::RobotVisual;
+use crate::scene::{SceneMaterial, SceneModel, SceneShape, TextureSpan};
+use dsm::Pose;
+use dsm::camera::CameraModel;
+use dsm::raster::{
+    Image, Instance, Material, MaterialIndex, MeshError, MeshIndex, RenderOptions, Renderer, Scene, Texture,
+    TextureError, TextureIndex,
+};
+use thiserror::Error;
+
+/// Colour, depth and labels without any noise.
+pub type TrueImage = Image;
+
+/// Label of every robot link.
+pub const ROBOT_LABEL: u32 = u32::MAX;
+
+/// Label of a scene body by its index in `SceneModel::bodies`; 0 is the background.
+pub fn label_of_body(body: usize) -> u32 {
+    body as u32 + 1
+}
+
+/// Why a scene cannot be drawn.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum CameraError {
+    /// A mesh is broken.
+    #[error("mesh `{name}`: {source}")]
+    Mesh {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        source: MeshError,
+    },
+    /// A texture is broken.
+    #[error("texture `{name}`: {source}")]
+    Texture {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        source: TextureError,
+    },
+    /// Something refers to a thing that does not exist.
+    #[error("{owner} refers to {kind} {index}, but there are {count}")]
+    Missing {
+        /// What refers to it.
+        owner: String,
+        /// What kind of thing.
+        kind: &'static str,
+        /// Its index.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+}
+
+/// What an instance moves with.
+#[derive(Clone, Copy, Debug)]
+enum Carrier {
+    Body(usize),
+    Link(usize),
+}
+
+/// Draws the scene and the robot. Geometry is prepared once; each image only moves it.
+#[derive(Debug)]
+pub struct CameraRig {
+    scene: Scene,
+    /// For each instance: what it moves with, and its pose there.
+    carried: Vec<(Carrier, Pose)>,
+    renderer: Renderer,
+    options: RenderOptions,
+}
+
+impl CameraRig {
+    /// Prepares the geometry of a scene and a robot, with the lights that the seed draws.
+    pub fn new(model: &SceneModel, visuals: &[RobotVisual], light: &LightDraw) -> Result<Self, CameraError> {
+        let mut builder = Builder::new(model)?;
+        for (index, body) in model.bodies.iter().enumerate() {
+            for geom in body.geoms.iter().filter(|geom| geom.visible) {
+                let material = get(&model.materials, geom.material, &body.name, "material")?;
+                if material.rgba[3] >= VISIBLE_ALPHA {
+                    let look = builder.add_material(material, &body.name)?;
+                    let mesh = builder.find_or_add_mesh(&geom.shape, material.texture_span, &body.name)?;
+                    builder.place(mesh, look, label_of_body(index), Carrier::Body(index), geom.body_from_geom);
+                }
+            }
+        }
+        for visual in visuals.iter().filter(|visual| visual.rgba[3] >= VISIBLE_ALPHA) {
+            let [red, green, blue, _] = visual.rgba;
+            let material = Material { color: [red, green, blue], specular: 0.15, ..Material::default() };
+            let look = builder.scene.add_material(material);
+            let mesh = builder.find_or_add_mesh(&visual.shape, TextureSpan::Face, "robot")?;
+            builder.place(mesh, look, ROBOT_LABEL, Carrier::Link(visual.link), visual.link_from_shape);
+        }
+        let Builder { mut scene, carried, .. } = builder;
+        (scene.lights, scene.ambient) = light.apply(&model.lights);
+        Ok(Self { scene, carried, renderer: Renderer::default(), options: RenderOptions::default() })
+    }
+
+    /// The true image of one camera. `body_poses` (world from body) follow `SceneModel::bodies`, `link_poses` (world from
+    /// link) the link numbers of the visuals; what has no pose is not drawn.
+    pub fn render(
+        &mut self,
+        body_poses: &[Pose],
+        link_poses: &[Pose],
+        model: &CameraModel,
+        world_from_camera: &Pose,
+    ) -> TrueImage {
+        let mut image = TrueImage::default();
+        self.render_into(body_poses, link_poses, model, world_from_camera, &mut image);
+        image
+    }
+
+    /// As [`CameraRig::render`], into buffers that are used again.
+    pub fn render_into(
+        &mut self,
+        body_poses: &[Pose],
+        link_poses: &[Pose],
+        model: &CameraModel,
+        world_from_camera: &Pose,
+        image: &mut TrueImage,
+    ) {
+        for (instance, (carrier, carrier_from_shape)) in self.scene.instances.iter_mut().zip(&self.carried) {
+            let carrier_pose = match *carrier {
+                Carrier::Body(body) => body_poses.get(body),
+                Carrier::Link(link) => link_poses.get(link),
+            };
+            // A shape without a pose goes far behind every far plane.
+            let nowhere = Pose::translation(0.0, 0.0, -1e6);
+            instance.world_from_mesh = carrier_pose.map_or(nowhere, |pose| pose * carrier_from_shape);
+        }
+        self.renderer.render_into(&self.scene, model, world_from_camera, &self.options, image);
+    }
+
+    /// Number of triangles.
+    pub fn triangle_count(&self) -> usize {
+        self.scene.triangle_count()
+    }
+}
+
+/// What is more transparent than this is not drawn; all else is opaque.
+const VISIBLE_ALPHA: f32 = 0.05;
+/// MuJoCo's default strength of highlights in its lights.
+const LIGHT_SPECULAR: f32 = 0.3;
+/// MuJoCo's shininess 1 is this exponent.
+const SHININESS_MAX: f32 = 128.0;
+
+struct Builder {
+    scene: Scene,
+    carried: Vec<(Carrier, Pose)>,
+    /// Solids of the same size share a mesh.
+    solids: Vec<(SceneShape, TextureSpan, MeshIndex)>,
+    meshes: Vec<MeshIndex>,
+    textures: Vec<TextureIndex>,
+}
+
+impl Builder {
+    fn new(model: &SceneModel) -> Result<Self, CameraError> {
+        let mut scene = Scene::default();
+        let mut textures = Vec::new();
+        for texture in &model.textures {
+            let made = Texture::new(texture.width, texture.height, &texture.rgb)
+                .map_err(|source| CameraError::Texture { name: texture.name.clone(), source })?;
+            textures.push(scene.add_texture(made));
+        }
+        let mut meshes = Vec::new();
+        for mesh in &model.meshes {
+            let made = shapes::mesh(mesh).map_err(|source| CameraError::Mesh { name: mesh.name.clone(), source })?;
+            meshes.push(scene.add_mesh(made));
+        }
+        Ok(Self { scene, carried: Vec::new(), solids: Vec::new(), meshes, textures })
+    }
+
+    fn add_material(&mut self, material: &SceneMaterial, body: &str) -> Result<MaterialIndex, CameraError> {
+        let texture = match material.texture {
+            Some(index) => Some(*get(&self.textures, index, body, "texture")?),
+            None => None,
+        };
+        let [red, green, blue, _] = material.rgba;
+        Ok(self.scene.add_material(Material {
+            color: [red, green, blue].map(|c| c.clamp(0.0, 1.0)),
+            texture,
+            texture_repeat: material.texture_repeat,
+            specular: material.specular * LIGHT_SPECULAR,
+            shininess: (material.shininess * SHININESS_MAX).max(1.0),
+            emission: material.emission,
+        }))
+    }
+
+    fn find_or_add_mesh(
+        &mut self,
+        shape: &SceneShape,
+        span: TextureSpan,
+        owner: &str,
+    ) -> Result<MeshIndex, CameraError> {
+        if let SceneShape::Mesh { mesh } = shape {
+            return get(&self.meshes, *mesh, owner, "mesh").copied();
+        }
+        let known = self.solids.iter().find(|(known, counted, _)| known == shape && *counted == span);
+        if let Some((_, _, index)) = known {
+            return Ok(*index);
+        }
+        let made = shapes::solid(shape, span).map_err(|source| CameraError::Mesh { name: owner.to_owned(), source })?;
+        let index = self.scene.add_mesh(made);
+        self.solids.push((shape.clone(), span, index));
+        Ok(index)
+    }
+
+    fn place(&mut self, mesh: MeshIndex, material: MaterialIndex, label: u32, carrier: Carrier, place: Pose) {
+        self.scene.instances.push(Instance { mesh, material, world_from_mesh: place, label });
+        self.carried.push((carrier, place));
+    }
+}
+
+fn get<'a, T>(items: &'a [T], index: usize, owner: &str, kind: &'static str) -> Result<&'a T, CameraError> {
+    let missing = || CameraError::Missing { owner: owner.to_owned(), kind, index, count: items.len() };
+    items.get(index).ok_or_else(missing)
+}
