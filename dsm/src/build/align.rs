@@ -15,7 +15,10 @@ const OBSERVED: usize = 40;
 const KNOWN: usize = 400;
 /// Matches below which a frame is taken as it is.
 const LEAST_MATCHES: usize = 80;
+/// Most iterations.
 const ITERATIONS: usize = 5;
+/// Step (metres and radians) below which the estimate has settled.
+const SETTLED: f64 = 1e-3;
 /// Farthest match in the first and in later iterations, metres.
 const REACH_M: [f64; 2] = [0.12, 0.07];
 /// Residual from which a match counts only linearly, metres.
@@ -74,8 +77,12 @@ pub(super) fn find_correction(pairs: &[(&Observation, &MapObject)], eye: &Point3
         if matches < LEAST_MATCHES {
             return None;
         }
-        found += information.cholesky()?.solve(&pull);
+        let step = information.cholesky()?.solve(&pull);
+        found += step;
         correction = about(eye, &found);
+        if step.norm() < SETTLED {
+            break;
+        }
     }
     let (shift, turn) = (found.fixed_rows::<3>(0).norm(), found.fixed_rows::<3>(3).norm());
     (shift <= LARGEST.0 && turn <= LARGEST.1).then_some(correction)

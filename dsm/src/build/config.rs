@@ -111,7 +111,7 @@ parameters! {
     /// Widest opening that divides two rooms, metres.
     doorway_m: f64 = 1.0 in [0.5, 3.0];
     /// Smallest room, square metres.
-    min_room_m2: f64 = 1.0 in [0.1, 100.0];
+    min_room_m2: f64 = 2.5 in [0.1, 100.0];
     /// Distance between boxes up to which objects are near each other, metres.
     near_m: f64 = 1.0 in [0.1, 5.0];
 }

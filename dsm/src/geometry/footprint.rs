@@ -62,8 +62,9 @@ pub fn rectangle_axis(points: &[Point2<f64>], hull: &[Point2<f64>]) -> Vector2<f
     let least = candidates.iter().map(|c| c.2).fold(f64::INFINITY, f64::min);
     let step = points.len().div_ceil(SAMPLES).max(1);
     let mut best = (f64::INFINITY, Vector2::x());
-    for (axis, [x0, x1, y0, y1], _) in candidates.into_iter().filter(|c| c.2 <= 1.15 * least) {
-        let mut sum = 0.0;
+    for (axis, [x0, x1, y0, y1], area) in candidates.into_iter().filter(|c| c.2 <= 1.15 * least) {
+        // The smaller area decides where the points lie equally close.
+        let mut sum = 0.02 * CAP_M * (points.len() / step) as f64 * (area / least - 1.0);
         for p in points.iter().step_by(step) {
             let (x, y) = (p.coords.dot(&axis), cross(axis, p.coords));
             sum += (x - x0).min(x1 - x).min(y - y0).min(y1 - y).clamp(0.0, CAP_M);
