@@ -1,0 +1,42 @@
+//! Flags, environment variables and output folders.
+
+use crate::bench::{Bench, refuse};
+
+refuse! {
+    unknown_command: Bench::new(), ["fly", "episode.toml"], ["unrecognized subcommand 'fly'", "Usage: dsm"];
+    unknown_flag: Bench::new(), ["run", "episode.toml", "--sed", "3"], ["unexpected argument '--sed'", "'--seed'"];
+    missing_argument: Bench::new(), ["ground", "map.dsm"], ["required arguments", "<TEXT>"];
+    no_thread: Bench::new(), ["run", "episode.toml", "--threads", "0"], ["'0' for '--threads", "1..=256"];
+    negative_seed: Bench::new(), ["run", "episode.toml", "--seed=-3"], ["'-3' for '--seed", "invalid digit"];
+    endless_time: Bench::new(), ["run", "episode.toml", "--time-limit-s", "nan"],
+        ["time_limit_s is NaN", "expected 1 to 36000 seconds"];
+    no_time: Bench::new(), ["run", "episode.toml", "--time-limit-s", "0"],
+        ["time_limit_s is 0", "expected 1 to 36000 seconds"];
+    unknown_physics: Bench::new(), ["run", "episode.toml", "--physics", "bullet"],
+        ["'bullet' for '--physics", "possible values: rapier, mujoco"];
+    physics_not_built_in: Bench::new(), ["run", "episode.toml", "--physics", "mujoco"],
+        ["physics `mujoco` is not built in", "rapier"];
+    unknown_perception: Bench::new(), ["run", "episode.toml", "--perception", "perfect"],
+        ["'perfect' for '--perception", "possible values: noisy, oracle"];
+    unknown_robot: Bench::new(), ["run", "episode.toml", "--robot", "portr"],
+        ["robot `portr`", "expected the path of a robot.toml, or one of: porter"];
+    unknown_robot_to_check: Bench::new(), ["robot", "check", "butler"], ["robot `butler`", "one of: porter"];
+    unknown_schema: Bench::new(), ["schema", "sumary"], ["'sumary'", "episode, robot, semantics, summary"];
+    seed_variable_is_no_number: Bench::new().variable("DSM_SEED", "one"), ["run", "episode.toml"],
+        ["environment variable DSM_SEED is `one`"];
+    perception_variable_is_unknown: Bench::new().variable("DSM_PERCEPTION", "perfect"), ["run", "episode.toml"],
+        ["perception is `perfect`; expected noisy or oracle"];
+    threads_variable_is_zero: Bench::new().variable("DSM_THREADS", "0"), ["run", "episode.toml"],
+        ["threads is 0; expected 1 to 256"];
+    seeds_run_backwards: Bench::new(), ["suite", "episode.toml", "--seeds", "9..2"],
+        ["expected A..B with A < B, for example 0..10, got `9..2`"];
+    seeds_are_no_range: Bench::new(), ["suite", "episode.toml", "--seeds", "ten"], ["expected A..B", "got `ten`"];
+    generator_not_built_in: Bench::new(), ["suite", "--generate", "3"], ["the generator of homes is not built in"];
+    suite_of_nothing: Bench::new().folder("empty"), ["suite", "empty"],
+        ["no episode found; expected files, or folders that hold episodes/*.toml"];
+    suite_path_is_missing: Bench::new(), ["suite", "nowhere"], ["nowhere: no such file or folder"];
+    output_folder_is_in_use: Bench::new().file("results/notes.txt", "mine"), ["run", "episode.toml", "--out", "results"],
+        ["results: the folder is not empty", "--force"];
+    output_folder_is_a_file: Bench::new().file("results", "mine"), ["run", "episode.toml", "--out", "results"],
+        ["results: is a file; --out needs a folder"];
+}

@@ -1,0 +1,9 @@
+//! Contract: broken input ends with exit code 2 and an error that names the file, the line where one is known, and what
+//! was expected; nothing is printed on stdout, no file is written or changed, and nothing panics.
+
+mod bench;
+mod episodes;
+mod flags;
+mod maps;
+mod robots;
+mod scenes;
