@@ -9,15 +9,17 @@
 //!
 //! Simulation and hardware are limited by this same code. Braking happens while time passes, in `wait_until`.
 
+mod guard;
+
 use crate::control::joint_limit::JointEnvelope;
 use crate::drivers::{
     Base, Cameras, Clock, DriverError, EmergencyStop, Gripper, GripperState, JointGroup, JointState, Localisation,
     Robot, Twist,
 };
 use crate::joints::{JointNames, JointVelocities};
-use crate::model::settings::BaseSettings;
-use crate::model::{Group, RobotModel};
+use crate::model::RobotModel;
 use dsm::time::{Span, Stamp};
+use guard::{BaseGuard, GroupGuard, Heard};
 
 /// A base that hears nothing for this long brakes.
 pub const BASE_TIMEOUT: Span = Span(500_000_000);
@@ -72,45 +74,6 @@ struct Core<R: Robot> {
     report: LimitReport,
 }
 
-/// When a part was last commanded, and what it was allowed to change since.
-struct Heard {
-    /// Stamp of the last command that reached the part.
-    at: Option<Stamp>,
-    /// Whether the silence since then was already counted.
-    silent: bool,
-}
-
-impl Heard {
-    const NEVER: Self = Self { at: None, silent: false };
-
-    /// Time over which a velocity may change until `now`; `None` when a command came at this very moment.
-    fn step_s(&self, now: Stamp) -> Option<f64> {
-        match self.at {
-            None => Some(PERIOD.as_s()),
-            Some(at) if now <= at => None,
-            Some(at) => Some((now - at).min(LONGEST_STEP).as_s()),
-        }
-    }
-}
-
-struct BaseGuard {
-    limits: BaseSettings,
-    sent: Twist,
-    before: Twist,
-    heard: Heard,
-    commanded: Stamp,
-}
-
-struct GroupGuard {
-    names: JointNames,
-    envelopes: Vec<JointEnvelope>,
-    sent: Vec<f64>,
-    before: Vec<f64>,
-    step_s: f64,
-    heard: Heard,
-    commanded: Stamp,
-}
-
 impl<R: Robot> Limited<R> {
     /// Wraps `robot` in the limits of its model. The robot counts as standing still.
     pub fn new(mut robot: R, model: &RobotModel) -> Self {
@@ -150,85 +113,6 @@ impl<R: Robot> Limited<R> {
 
     fn core_mut(&mut self) -> &mut Core<R> {
         &mut self.parts.0.0
-    }
-}
-
-impl GroupGuard {
-    fn new(group: &Group) -> Self {
-        let envelope = |k: usize| JointEnvelope::new(&group.limits[k], group.max_accelerations[k], 0.0, 1.0);
-        Self {
-            names: group.joints.clone(),
-            envelopes: (0..group.len()).map(envelope).collect(),
-            sent: vec![0.0; group.len()],
-            before: vec![0.0; group.len()],
-            step_s: PERIOD.as_s(),
-            heard: Heard::NEVER,
-            commanded: Stamp(0),
-        }
-    }
-
-    /// Clamps a command; several commands at the same moment all start from what was sent before that moment.
-    fn clamp(&mut self, wanted: &[f64], positions: &[f64], now: Stamp, report: &mut LimitReport) -> Vec<f64> {
-        if let Some(step_s) = self.heard.step_s(now) {
-            self.before.clone_from(&self.sent);
-            self.step_s = step_s;
-        }
-        self.heard = Heard { at: Some(now), silent: false };
-        let (mut fast, mut sudden) = (false, false);
-        let allowed: Vec<f64> = (0..wanted.len())
-            .map(|k| {
-                let envelope = &self.envelopes[k];
-                let slow = wanted[k].clamp(-envelope.velocity, envelope.velocity);
-                let (lower, upper) = envelope.allowed(positions[k], self.before[k], self.step_s);
-                let sent = slow.clamp(lower, upper);
-                fast |= (slow - wanted[k]).abs() > 1e-9;
-                sudden |= (sent - slow).abs() > 1e-9;
-                sent
-            })
-            .collect();
-        report.joint_velocity += u64::from(fast);
-        report.joint_acceleration_or_position += u64::from(sudden);
-        allowed
-    }
-
-    fn moves(&self) -> bool {
-        self.sent.iter().any(|v| *v != 0.0)
-    }
-}
-
-impl BaseGuard {
-    fn clamp(&mut self, wanted: Twist, now: Stamp, report: &mut LimitReport) -> Twist {
-        let step_s = match self.heard.step_s(now) {
-            Some(step_s) => {
-                self.before = self.sent;
-                step_s
-            }
-            None => PERIOD.as_s(),
-        };
-        self.heard = Heard { at: Some(now), silent: false };
-        let (speed, turn) = (self.limits.max_speed_m_per_s, self.limits.max_turn_rate_rad_per_s);
-        let slow = Twist {
-            forward_m_per_s: wanted.forward_m_per_s.clamp(-speed, speed),
-            turn_rad_per_s: wanted.turn_rad_per_s.clamp(-turn, turn),
-        };
-        let sent = self.towards(slow, step_s);
-        let differs = |a: Twist, b: Twist| {
-            (a.forward_m_per_s - b.forward_m_per_s).abs() > 1e-9 || (a.turn_rad_per_s - b.turn_rad_per_s).abs() > 1e-9
-        };
-        report.base_speed += u64::from(differs(slow, wanted));
-        report.base_acceleration += u64::from(differs(sent, slow));
-        sent
-    }
-
-    /// The twist nearest to `wanted` that the accelerations allow after `step_s`.
-    fn towards(&self, wanted: Twist, step_s: f64) -> Twist {
-        let near =
-            |wanted: f64, before: f64, limit: f64| wanted.clamp(before - limit * step_s, before + limit * step_s);
-        let (forward, turn) = (self.limits.max_acceleration_m_per_s2, self.limits.max_turn_acceleration_rad_per_s2);
-        Twist {
-            forward_m_per_s: near(wanted.forward_m_per_s, self.before.forward_m_per_s, forward),
-            turn_rad_per_s: near(wanted.turn_rad_per_s, self.before.turn_rad_per_s, turn),
-        }
     }
 }
 

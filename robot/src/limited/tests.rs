@@ -1,6 +1,7 @@
 use super::*;
 use crate::drivers::StampedPose;
 use crate::joints::JointPositions;
+use crate::model::Group;
 use dsm::Pose;
 use dsm::frame::RgbdFrame;
 use proptest::prelude::*;
