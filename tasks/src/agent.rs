@@ -70,12 +70,31 @@ impl Default for AgentConfig {
 }
 
 /// Where the head is to look.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Gaze {
-    /// Joint positions of the head group.
-    Joints(Vec<f64>),
+    /// Pan and tilt of the head, radians; positive tilt looks down.
+    Angles {
+        /// Pan.
+        pan_rad: f64,
+        /// Tilt.
+        tilt_rad: f64,
+    },
+    /// From side to side, so that a drive sees more than what lies ahead.
+    Sweep {
+        /// Farthest pan to either side, radians.
+        half_rad: f64,
+        /// Tilt, radians.
+        tilt_rad: f64,
+    },
     /// A point in the world.
     Point(Point3<f64>),
+}
+
+impl Gaze {
+    /// Ahead and a little down, for driving.
+    pub const AHEAD: Self = Self::Angles { pan_rad: 0.0, tilt_rad: 0.42 };
+    /// From side to side and a little down, for driving through the unknown.
+    pub const AROUND: Self = Self::Sweep { half_rad: 0.9, tilt_rad: 0.42 };
 }
 
 /// A frame, and where the robot believed to be when it was read.
@@ -128,7 +147,6 @@ pub struct Parts {
 impl Agent {
     /// Puts the parts together.
     pub fn new(parts: Parts, config: AgentConfig) -> Self {
-        let rest = vec![0.0; parts.model.head.len()];
         Self {
             robot: parts.robot,
             model: parts.model,
@@ -139,7 +157,7 @@ impl Agent {
             interrupted: parts.interrupted,
             on_tick: parts.on_tick,
             watched: vec!["head".into()],
-            gaze: Gaze::Joints(rest),
+            gaze: Gaze::AHEAD,
             grip: None,
             frames: BTreeMap::new(),
             journal: Journal::default(),
@@ -288,6 +306,11 @@ impl Agent {
         Ok(self.robot.arm().state()?)
     }
 
+    /// Pan of the head, radians.
+    pub fn pan_rad(&mut self) -> Result<f64, Halt> {
+        Ok(self.robot.head().state()?.positions.values().first().copied().unwrap_or(0.0))
+    }
+
     /// All measured joints as one configuration of the model.
     pub fn configuration(&mut self) -> Result<Configuration, Halt> {
         let mut configuration = self.model.kinematics.zero();
@@ -322,9 +345,15 @@ impl Agent {
         let state = self.robot.head().state()?;
         let group = self.model.head.clone();
         let gain = self.config.head_gain_per_s;
-        let velocities = match self.gaze.clone() {
-            Gaze::Joints(goal) => {
-                goal.iter().zip(state.positions.values()).map(|(goal, now)| gain * (goal - now)).collect()
+        let towards = |pan_rad: f64, tilt_rad: f64| -> Vec<f64> {
+            [pan_rad, tilt_rad].iter().zip(state.positions.values()).map(|(goal, now)| gain * (goal - now)).collect()
+        };
+        let velocities = match self.gaze {
+            Gaze::Angles { pan_rad, tilt_rad } => towards(pan_rad, tilt_rad),
+            Gaze::Sweep { half_rad, tilt_rad } => {
+                // A triangle wave of about one radian per second.
+                let phase = (self.robot.clock().now().as_s() / (4.0 * half_rad)).fract();
+                towards(half_rad * (4.0 * (phase - 0.5).abs() - 1.0), tilt_rad)
             }
             Gaze::Point(point) => {
                 let Some((_, camera)) = self.model.find_camera("head") else {

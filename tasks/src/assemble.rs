@@ -65,13 +65,7 @@ fn load(spec: &RunSpec) -> Result<(Arc<RobotModel>, World), TaskError> {
     let perception = if spec.perception == "oracle" { Perception::Oracle } else { Perception::Noisy };
     let label_ids = if spec.permute_labels { LabelIds::PermutedPerFrame } else { LabelIds::default() };
     let start = spec.episode.start.map(|s| StartPose { x_m: s.x_m, y_m: s.y_m, yaw_rad: s.yaw_rad });
-    let config = WorldConfig {
-        seed: spec.seed,
-        perception,
-        start,
-        label_ids,
-        ..WorldConfig::default()
-    };
+    let config = WorldConfig { seed: spec.seed, perception, start, label_ids, ..WorldConfig::default() };
     let world = World::load(&spec.scene, model.clone(), config)?;
     Ok((model, world))
 }

@@ -6,7 +6,6 @@ use crate::episode::Episode;
 use crate::error::TaskError;
 use crate::executor::Executor;
 use crate::journal::Journal;
-use crate::judge::Judge;
 use crate::perception::Perception;
 use crate::skills::grasp::GraspSettings;
 use crate::summary::{Failure, MapSummary, SUMMARY_SCHEMA, Stage, Summary};
@@ -14,6 +13,7 @@ use dsm::build::{BuildConfig, MapBuilder};
 use dsm::map::Map;
 use dsm::store::MapLog;
 use dsm::time::Stamp;
+use dsm_robot::model::RobotModel;
 use dsm_robot::nav::NavConfig;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -95,9 +95,7 @@ pub fn run_episode(
     let mut agent = Agent::new(parts, config);
 
     // Act.
-    let mut nav = NavConfig::default();
-    nav.costmap.footprint_radius_m = model.settings.base.footprint_radius_m;
-    let mut executor = Executor::new(nav, GraspSettings::default(), grounder()?, knowledge);
+    let mut executor = Executor::new(nav_config(&model), GraspSettings::default(), grounder()?, knowledge);
     progress.at(0.0, "starting");
     let account = executor.run(&mut agent, &spec.episode.steps);
     progress.at(agent.now().as_s(), "judging");
@@ -151,4 +149,18 @@ pub fn run_episode(
 fn settle(agent: &mut Agent) {
     // A time limit during these seconds changes nothing that is judged.
     let _ = agent.rest(dsm::time::Span::from_s(2.2));
+}
+
+/// Navigation within what the robot can do.
+fn nav_config(model: &RobotModel) -> NavConfig {
+    // The follower stays a little below the limits, so that they need not correct it.
+    const SHARE: f64 = 0.95;
+    let base = &model.settings.base;
+    let mut nav = NavConfig::default();
+    nav.costmap.footprint_radius_m = base.footprint_radius_m;
+    nav.follower.max_speed_m_per_s = SHARE * base.max_speed_m_per_s;
+    nav.follower.max_turn_rad_per_s = SHARE * base.max_turn_rate_rad_per_s;
+    nav.follower.max_acceleration_m_per_s2 = SHARE * base.max_acceleration_m_per_s2;
+    nav.follower.max_turn_acceleration_rad_per_s2 = SHARE * base.max_turn_acceleration_rad_per_s2;
+    nav
 }

@@ -53,9 +53,10 @@ fn find(sources: &Sources, words: &[&str], allowed: impl Fn(&str) -> bool) -> Ve
             !before && !(after && word.ends_with(part_of_name))
         })
     };
-    let lines = sources.iter().filter(|(path, _)| !allowed(path)).flat_map(|(path, lines)| {
-        lines.iter().enumerate().map(move |(i, line)| (path, i + 1, line))
-    });
+    let lines = sources
+        .iter()
+        .filter(|(path, _)| !allowed(path))
+        .flat_map(|(path, lines)| lines.iter().enumerate().map(move |(i, line)| (path, i + 1, line)));
     lines
         .filter(|(_, _, line)| words.iter().any(|word| holds(line, word)))
         .map(|(path, number, line)| format!("{path}:{number}: {}", line.trim()))
@@ -69,7 +70,8 @@ fn assert_none(found: Vec<String>, rule: &str) {
 #[test]
 fn the_scanner_finds_whole_words_outside_comments() {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("a.rs"), "let a = HashMap::new();\n// HashMap\nlet b = MyHashMap;\nuse x::HashMap;\n").unwrap();
+    fs::write(folder.path().join("a.rs"), "let a = HashMap::new();\n// HashMap\nlet b = MyHashMap;\nuse x::HashMap;\n")
+        .unwrap();
     let mut found = Sources::new();
     collect(folder.path(), "x", &mut found);
     let places = find(&found, &["HashMap"], |_| false);
@@ -80,7 +82,8 @@ fn the_scanner_finds_whole_words_outside_comments() {
 #[test]
 fn crates_use_only_those_to_their_left() {
     for (folder, package, allowed) in CRATES {
-        let manifest: toml::Table = fs::read_to_string(root().join(folder).join("Cargo.toml")).unwrap().parse().unwrap();
+        let manifest: toml::Table =
+            fs::read_to_string(root().join(folder).join("Cargo.toml")).unwrap().parse().unwrap();
         assert_eq!(manifest["package"]["name"].as_str(), Some(package));
         for kind in ["dependencies", "dev-dependencies", "build-dependencies"] {
             for name in manifest.get(kind).and_then(|v| v.as_table()).into_iter().flat_map(|table| table.keys()) {
@@ -98,7 +101,10 @@ fn foreign_libraries_stay_behind_their_fences() {
     let physics = ["rapier3d", "rapier3d_mjcf", "mjcf_rs", "mujoco_rs"];
     assert_none(find(&sources, &physics, within("sim/")), "physics engines and MJCF only in sim");
     assert_none(find(&sources, &["pyo3", "numpy"], within("tasks/python/")), "Python only in tasks/python");
-    assert_none(find(&sources, &["ureq", "reqwest", "ort", "rten"], within("dsm/models/")), "models only in dsm/models");
+    assert_none(
+        find(&sources, &["ureq", "reqwest", "ort", "rten"], within("dsm/models/")),
+        "models only in dsm/models",
+    );
     assert_none(find(&sources, &["ros2_client", "rustdds"], within("robot/ros2/")), "ROS 2 only in robot/ros2");
     let solver: Vec<String> = find(&sources, &["clarabel"], |_| false);
     let files: std::collections::BTreeSet<&str> = solver.iter().filter_map(|place| place.split(':').next()).collect();
@@ -110,14 +116,16 @@ fn foreign_libraries_stay_behind_their_fences() {
 fn logic_has_no_wall_clock_no_sleep_and_no_random_order() {
     let sources = sources();
     // Programs that measure time are no logic; the command line writes timing.json.
-    let edge = |path: &str| {
-        path.starts_with("tasks/src/cli/") || path.contains("/examples/") || path.contains("/benches/")
-    };
+    let edge =
+        |path: &str| path.starts_with("tasks/src/cli/") || path.contains("/examples/") || path.contains("/benches/");
     let clock = ["Instant::now", "SystemTime::now", "std::time::Instant", "std::time::SystemTime"];
     assert_none(find(&sources, &clock, edge), "wall time only at the edge");
     assert_none(find(&sources, &["thread::sleep"], |_| false), "only the clock lets time pass");
     assert_none(find(&sources, &["HashMap", "HashSet"], |path| path.contains("/examples/")), "no random order");
-    assert_none(find(&sources, &["thread_rng", "from_entropy", "from_os_rng", "rand::rng"], |_| false), "all is seeded");
+    assert_none(
+        find(&sources, &["thread_rng", "from_entropy", "from_os_rng", "rand::rng"], |_| false),
+        "all is seeded",
+    );
 }
 
 #[test]

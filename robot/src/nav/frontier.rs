@@ -12,13 +12,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FrontierConfig {
-    /// Shortest frontier that counts, metres. Default 0.5, range 0.05 to 5.
+    /// Shortest frontier that counts, metres. Default 0.6, range 0.05 to 5.
     #[schemars(range(min = 0.05, max = 5.0))]
     pub min_size_m: f64,
     /// Longer frontiers are split, metres. Default 2, range `min_size_m` to 10.
     #[schemars(range(max = 10.0))]
     pub max_size_m: f64,
-    /// Smallest unknown area to be seen from the standing place, square metres. Default 0.4, range 0 to 20.
+    /// Smallest unknown area to be seen from the standing place, square metres. Default 0.8, range 0 to 20.
     #[schemars(range(min = 0.0, max = 20.0))]
     pub min_gain_m2: f64,
     /// More unknown area than this does not make a frontier better, square metres: the view through a window is
@@ -34,7 +34,7 @@ pub struct FrontierConfig {
     /// Farthest standing place from the frontier, metres. Default 1.2, range `stand_min_m` to 5.
     #[schemars(range(max = 5.0))]
     pub stand_max_m: f64,
-    /// What a stop costs beside the way, metres of way. Default 1.5, range 0.1 to 50.
+    /// What a stop costs beside the way, metres of way. Default 3, range 0.1 to 50.
     #[schemars(range(min = 0.1, max = 50.0))]
     pub base_cost_m: f64,
     /// Frontiers nearer than this to one that was tried count as the same, metres. Default 0.4, range 0.05 to 5.
@@ -52,14 +52,14 @@ pub struct FrontierConfig {
 impl Default for FrontierConfig {
     fn default() -> Self {
         Self {
-            min_size_m: 0.5,
+            min_size_m: 0.6,
             max_size_m: 2.0,
-            min_gain_m2: 0.4,
+            min_gain_m2: 0.8,
             max_gain_m2: 4.0,
             sensor_range_m: 3.0,
             stand_min_m: 0.3,
             stand_max_m: 1.2,
-            base_cost_m: 1.5,
+            base_cost_m: 3.0,
             repeat_radius_m: 0.4,
             max_attempts: 2,
             min_hole_m2: 0.3,

@@ -5,6 +5,7 @@ use dsm::map::Map;
 use dsm::time::{Span, Stamp};
 use dsm_robot::joints::JointVelocities;
 use dsm_robot::nav::{Costmap, FollowStatus, Follower, NavConfig, Path, PlanFailure, Pose2, find_path};
+use nalgebra::Point2;
 use std::sync::Arc;
 
 /// The path is planned anew this often while driving.
@@ -30,7 +31,8 @@ pub enum DriveOutcome {
 /// One drive.
 pub struct Drive<'a> {
     nav: &'a NavConfig,
-    goal: Pose2,
+    goal: Point2<f64>,
+    heading_rad: Option<f64>,
     end: Option<Stamp>,
     enough: Option<&'a mut dyn FnMut(&Arc<Map>) -> bool>,
 }
@@ -39,8 +41,13 @@ type Planned = (Costmap, Result<Path, PlanFailure>);
 
 impl<'a> Drive<'a> {
     /// To a pose.
-    pub fn new(nav: &'a NavConfig, goal: Pose2) -> Self {
-        Self { nav, goal, end: None, enough: None }
+    pub fn to_pose(nav: &'a NavConfig, goal: Pose2) -> Self {
+        Self { nav, goal: goal.position, heading_rad: Some(goal.yaw_rad), end: None, enough: None }
+    }
+
+    /// To a place, with any heading.
+    pub fn to_place(nav: &'a NavConfig, goal: Point2<f64>) -> Self {
+        Self { nav, goal, heading_rad: None, end: None, enough: None }
     }
 
     /// Gives up at `end`.
@@ -77,6 +84,16 @@ impl<'a> Drive<'a> {
             let velocity = agent.base_velocity()?;
             let output = follower.tick(&world_from_base, velocity, &costmap, agent.period().as_s());
             agent.tick(output.twist, &still)?;
+            if now.0 % 500_000_000 == 0 {
+                let t = output.twist;
+                tracing::debug!(
+                    "{:.2} s  v {:.2} w {:.2} {:?}",
+                    now.as_s(),
+                    t.forward_m_per_s,
+                    t.turn_rad_per_s,
+                    output.status
+                );
+            }
             match output.status {
                 FollowStatus::Following { .. } => {}
                 FollowStatus::Arrived => return Ok(DriveOutcome::Arrived),
@@ -123,10 +140,11 @@ impl<'a> Drive<'a> {
     fn planning(&self, agent: &mut Agent) -> Result<impl FnOnce() -> Planned + Send + 'static, Halt> {
         let map = agent.map().clone();
         let start = Pose2::from_pose(&agent.world_from_base()?).position;
-        let (config, goal) = (self.nav.costmap.clone(), self.goal);
+        let (config, goal, heading_rad) = (self.nav.costmap.clone(), self.goal, self.heading_rad);
         Ok(move || {
             let costmap = Costmap::from_free_space(&map.free_space, &config);
-            let path = find_path(&costmap, &start, &goal.position).map(|path| path.with_goal_yaw(goal.yaw_rad));
+            let path = find_path(&costmap, &start, &goal);
+            let path = path.map(|path| Path { goal_yaw_rad: heading_rad, ..path });
             (costmap, path)
         })
     }

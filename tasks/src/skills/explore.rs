@@ -2,9 +2,10 @@
 
 use super::drive::{Drive, DriveOutcome};
 use crate::agent::{Agent, Gaze, Halt};
-use dsm::map::Map;
+use dsm::map::{CellState, FreeSpace, Map};
 use dsm::time::{Span, Stamp};
 use dsm_robot::nav::{Costmap, CoverageGrid, Field, FrontierMemory, NavConfig, Pose2, find_frontiers};
+use nalgebra::Point2;
 use std::sync::Arc;
 
 /// Why exploration ended.
@@ -58,49 +59,43 @@ impl Explorer {
             if agent.now() >= end {
                 return Ok(ExploreOutcome::TimeUp);
             }
-            match self.choose(agent)? {
+            let next = self.choose(agent)?;
+            let now_s = agent.now().as_s();
+            match next {
                 Next::Frontier(frontier) => {
-                    let now_s = agent.now().as_s();
-                    agent.journal.note(
-                        now_s,
-                        format!("frontier at ({:.1}, {:.1})", frontier.center.x, frontier.center.y),
-                        None,
-                    );
+                    let center = frontier.center;
+                    agent.journal.note(now_s, format!("frontier at ({:.1}, {:.1})", center.x, center.y), None);
                     self.frontiers.record(&frontier, &self.nav.frontier);
-                    match self.visit(agent, frontier.stand, end, enough)? {
-                        DriveOutcome::Arrived => look_around(agent, 1.0)?,
-                        DriveOutcome::Enough => return Ok(ExploreOutcome::Enough),
+                    // What is seen on the way needs no visit.
+                    let mut resolved = false;
+                    let mut stop = |map: &Arc<Map>| {
+                        resolved = is_resolved(&map.free_space, &center);
+                        resolved || enough(map)
+                    };
+                    agent.gaze = Gaze::AROUND;
+                    let drive = Drive::to_place(&self.nav, frontier.stand.position).until(end).stop_when(&mut stop);
+                    match drive.run(agent)? {
+                        DriveOutcome::Arrived => look_towards(agent, &center)?,
+                        DriveOutcome::Enough if !resolved => return Ok(ExploreOutcome::Enough),
+                        DriveOutcome::Enough => {}
                         _ => self.frontiers.give_up(&frontier, &self.nav.frontier),
                     }
                 }
                 Next::Viewpoint(view) => {
-                    let now_s = agent.now().as_s();
-                    agent.journal.note(
-                        now_s,
-                        format!("viewpoint at ({:.1}, {:.1})", view.stand.position.x, view.stand.position.y),
-                        None,
-                    );
+                    let at = view.stand.position;
+                    agent.journal.note(now_s, format!("viewpoint at ({:.1}, {:.1})", at.x, at.y), None);
                     self.coverage.settle(&view);
-                    if self.visit(agent, view.stand, end, enough)? == DriveOutcome::Enough {
+                    agent.gaze = Gaze::AROUND;
+                    let drive = Drive::to_place(&self.nav, at).until(end).stop_when(enough);
+                    if drive.run(agent)? == DriveOutcome::Enough {
                         return Ok(ExploreOutcome::Enough);
                     }
-                    look_around(agent, 0.5)?;
+                    let (sin, cos) = view.stand.yaw_rad.sin_cos();
+                    look_towards(agent, &Point2::new(at.x + cos, at.y + sin))?;
                 }
                 Next::Nothing => return Ok(ExploreOutcome::Complete),
             }
         }
-    }
-
-    fn visit(
-        &mut self,
-        agent: &mut Agent,
-        stand: Pose2,
-        end: Stamp,
-        enough: &mut dyn FnMut(&Arc<Map>) -> bool,
-    ) -> Result<DriveOutcome, Halt> {
-        // The head looks ahead and a little down while driving.
-        agent.gaze = Gaze::Joints(vec![0.0, 0.42]);
-        Drive::new(&self.nav, stand).until(end).stop_when(enough).run(agent)
     }
 
     fn choose(&mut self, agent: &mut Agent) -> Result<Next, Halt> {
@@ -129,19 +124,42 @@ impl Explorer {
     }
 }
 
+/// Whether nothing unknown is left around a frontier.
+fn is_resolved(free_space: &FreeSpace, center: &Point2<f64>) -> bool {
+    const AROUND_CELLS: i32 = 4;
+    let [x, y] = free_space.cell_at(center);
+    let cells =
+        (-AROUND_CELLS..=AROUND_CELLS).flat_map(|dy| (-AROUND_CELLS..=AROUND_CELLS).map(move |dx| [x + dx, y + dy]));
+    cells.filter(|cell| free_space.state(*cell) == CellState::Unknown).count() <= 2
+}
+
+/// Turns the head towards a place and a little to both sides of it; the base turns only as far as the head cannot.
+fn look_towards(agent: &mut Agent, place: &Point2<f64>) -> Result<(), Halt> {
+    const SIDE_RAD: f64 = 0.5;
+    let base = Pose2::from_pose(&agent.world_from_base()?);
+    let bearing = (place - base.position).y.atan2((place - base.position).x);
+    let pan_rad = (bearing - base.yaw_rad).sin().atan2((bearing - base.yaw_rad).cos());
+    pan_to(agent, pan_rad - SIDE_RAD)?;
+    pan_to(agent, pan_rad + SIDE_RAD)
+}
+
 /// Pans the head from side to side, `half_rad` each way, looking a little down.
 pub fn look_around(agent: &mut Agent, half_rad: f64) -> Result<(), Halt> {
+    [half_rad, -half_rad].into_iter().try_for_each(|pan_rad| pan_to(agent, pan_rad))
+}
+
+/// Pans the head at a rate that leaves no gaps between frames.
+fn pan_to(agent: &mut Agent, goal_rad: f64) -> Result<(), Halt> {
     const TILT_RAD: f64 = 0.42;
-    const PAN_RATE_RAD_PER_S: f64 = 1.6;
-    let limits = agent.model().head.limits.first().map_or((-half_rad, half_rad), |l| (l.lower, l.upper));
-    let (low, high) = ((-half_rad).max(limits.0), half_rad.min(limits.1));
+    const RATE_RAD_PER_S: f64 = 1.8;
+    let limits = agent.model().head.limits.first().map_or((-3.0, 3.0), |l| (l.lower, l.upper));
+    let from = agent.pan_rad()?;
+    let to = goal_rad.clamp(limits.0, limits.1);
     let period_s = agent.period().as_s();
-    for (from, to) in [(0.0, high), (high, low), (low, 0.0)] {
-        let ticks = ((to - from).abs() / PAN_RATE_RAD_PER_S / period_s).ceil().max(1.0) as usize;
-        for i in 1..=ticks {
-            agent.gaze = Gaze::Joints(vec![from + (to - from) * i as f64 / ticks as f64, TILT_RAD]);
-            agent.rest(Span::from_s(period_s))?;
-        }
+    let ticks = ((to - from).abs() / RATE_RAD_PER_S / period_s).ceil().max(1.0) as usize;
+    for i in 1..=ticks {
+        agent.gaze = Gaze::Angles { pan_rad: from + (to - from) * i as f64 / ticks as f64, tilt_rad: TILT_RAD };
+        agent.rest(Span::from_s(period_s))?;
     }
     Ok(())
 }

@@ -105,8 +105,8 @@ fn try_grasp(
     let Some(place) = places.get(attempt.min(places.len().saturating_sub(1))).copied() else {
         return Ok(Err((Stage::Planning, "no place from which the object can be reached".into())));
     };
-    agent.gaze = Gaze::Joints(vec![0.0, 0.42]);
-    let arrived = Drive::new(nav, place).run(agent)?;
+    agent.gaze = Gaze::AHEAD;
+    let arrived = Drive::to_pose(nav, place).run(agent)?;
     if arrived != DriveOutcome::Arrived {
         return Ok(Err((Stage::Planning, format!("the way to the object failed: {arrived:?}"))));
     }

@@ -31,8 +31,8 @@ pub fn navigate_to_object(agent: &mut Agent, nav: &NavConfig, id: ObjectId) -> R
                 "no place from which the object is seen can be reached".into(),
             ));
         };
-        agent.gaze = Gaze::Joints(vec![0.0, 0.42]);
-        if Drive::new(nav, place.pose).run(agent)? == DriveOutcome::Arrived {
+        agent.gaze = Gaze::AHEAD;
+        if Drive::to_pose(nav, place.pose).run(agent)? == DriveOutcome::Arrived {
             agent.gaze = Gaze::Point(bounds.center);
             agent.rest(Span::from_s(1.5))?;
             return Ok(Outcome::Done(format!("stands before object {}", id.0)));
@@ -58,8 +58,8 @@ pub fn navigate_to_room(agent: &mut Agent, nav: &NavConfig, id: RoomId) -> Resul
     let Some((position, _)) = pose else {
         return Ok(Outcome::Failed(Stage::Planning, format!("no free place in the {name} can be reached")));
     };
-    agent.gaze = Gaze::Joints(vec![0.0, 0.42]);
-    match Drive::new(nav, Pose2 { position, yaw_rad: start.yaw_rad }).run(agent)? {
+    agent.gaze = Gaze::AHEAD;
+    match Drive::to_place(nav, position).run(agent)? {
         DriveOutcome::Arrived => Ok(Outcome::Done(format!("stands in the {name}"))),
         other => Ok(Outcome::Failed(Stage::Planning, format!("the way into the {name} failed: {other:?}"))),
     }
