@@ -213,10 +213,11 @@ impl TruthSampler {
         let at = world_from_base.translation.vector;
         let column =
             Column { x_m: at.x, y_m: at.y, radius_m: self.radius_m, bottom_m: FLOOR_TOP_M, top_m: self.height_m };
-        let distances = self
-            .solids
-            .iter()
-            .filter_map(|solid| solid.find_distance_to_column_m(&poses.bodies[solid.body], &column, CLEARANCE_REACH_M));
+        let distances = self.solids.iter().filter_map(|solid| {
+            let pose = &poses.bodies[solid.body];
+            let is_floor = solid.bounds(pose).max.z <= FLOOR_TOP_M;
+            if is_floor { None } else { solid.find_distance_to_column_m(pose, &column, CLEARANCE_REACH_M) }
+        });
         distances.min_by(f64::total_cmp)
     }
 }
