@@ -8,6 +8,11 @@ use dsm_robot::nav::{Costmap, CoverageGrid, Field, FrontierMemory, NavConfig, Po
 use nalgebra::Point2;
 use std::sync::Arc;
 
+/// Tilt of the head for looking into a room, radians.
+const ROOM_TILT_RAD: f64 = 0.42;
+/// Tilt of the head for looking at the floor around the base, radians.
+const FLOOR_TILT_RAD: f64 = 0.95;
+
 /// Why exploration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExploreOutcome {
@@ -49,7 +54,8 @@ impl Explorer {
         enough: &mut dyn FnMut(&Arc<Map>) -> bool,
     ) -> Result<ExploreOutcome, Halt> {
         if !self.looked_around {
-            look_around(agent, 2.4)?;
+            // Into the room, then at the floor around the base, which a level view does not show.
+            look_around(agent, 2.6)?;
             self.looked_around = true;
         }
         loop {
@@ -139,18 +145,19 @@ fn look_towards(agent: &mut Agent, place: &Point2<f64>) -> Result<(), Halt> {
     let base = Pose2::from_pose(&agent.world_from_base()?);
     let bearing = (place - base.position).y.atan2((place - base.position).x);
     let pan_rad = (bearing - base.yaw_rad).sin().atan2((bearing - base.yaw_rad).cos());
-    pan_to(agent, pan_rad - SIDE_RAD)?;
-    pan_to(agent, pan_rad + SIDE_RAD)
+    pan_to(agent, pan_rad - SIDE_RAD, ROOM_TILT_RAD)?;
+    pan_to(agent, pan_rad + SIDE_RAD, ROOM_TILT_RAD)
 }
 
-/// Pans the head from side to side, `half_rad` each way, looking a little down.
+/// Pans the head to one side into the room, and back over the other side looking at the floor around the base.
 pub fn look_around(agent: &mut Agent, half_rad: f64) -> Result<(), Halt> {
-    [half_rad, -half_rad].into_iter().try_for_each(|pan_rad| pan_to(agent, pan_rad))
+    pan_to(agent, half_rad, ROOM_TILT_RAD)?;
+    pan_to(agent, -half_rad, ROOM_TILT_RAD)?;
+    pan_to(agent, half_rad, FLOOR_TILT_RAD)
 }
 
 /// Pans the head at a rate that leaves no gaps between frames.
-fn pan_to(agent: &mut Agent, goal_rad: f64) -> Result<(), Halt> {
-    const TILT_RAD: f64 = 0.42;
+fn pan_to(agent: &mut Agent, goal_rad: f64, tilt_rad: f64) -> Result<(), Halt> {
     const RATE_RAD_PER_S: f64 = 1.8;
     let limits = agent.model().head.limits.first().map_or((-3.0, 3.0), |l| (l.lower, l.upper));
     let from = agent.pan_rad()?;
@@ -158,7 +165,7 @@ fn pan_to(agent: &mut Agent, goal_rad: f64) -> Result<(), Halt> {
     let period_s = agent.period().as_s();
     let ticks = ((to - from).abs() / RATE_RAD_PER_S / period_s).ceil().max(1.0) as usize;
     for i in 1..=ticks {
-        agent.gaze = Gaze::Angles { pan_rad: from + (to - from) * i as f64 / ticks as f64, tilt_rad: TILT_RAD };
+        agent.gaze = Gaze::Angles { pan_rad: from + (to - from) * i as f64 / ticks as f64, tilt_rad };
         agent.rest(Span::from_s(period_s))?;
     }
     Ok(())
