@@ -1,5 +1,6 @@
 //! Parameters of grasp planning.
 
+use crate::model::settings::GripperSettings;
 use crate::nav::RangeError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -50,6 +51,22 @@ impl Default for HandConfig {
             palm_thickness_m: 0.06,
             wrist_length_m: 0.15,
             camera_offset_m: 0.07,
+        }
+    }
+}
+
+impl HandConfig {
+    /// The hand that `robot.toml` describes; wrist and camera, which it does not, as by default.
+    pub fn from_settings(gripper: &GripperSettings) -> Self {
+        Self {
+            max_aperture_m: gripper.max_aperture_m,
+            tip_beyond_tool_m: gripper.tip_beyond_tool_m,
+            palm_behind_tool_m: gripper.palm_behind_tool_m,
+            finger_width_m: gripper.finger_width_m,
+            finger_thickness_m: gripper.finger_thickness_m,
+            palm_width_m: gripper.palm_width_m,
+            palm_thickness_m: gripper.palm_thickness_m,
+            ..Self::default()
         }
     }
 }

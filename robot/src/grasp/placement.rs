@@ -16,8 +16,8 @@ pub struct PlacementConfig {
     /// How many metres of path a metre off the preferred distance is worth. Default 4, range 0 to 100.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub distance_weight: f64,
-    /// Largest angle between the direction to the target and a side approach, radians. Default 0.8, range 0.1 to 3.14.
-    #[schemars(range(min = 0.1, max = 3.14))]
+    /// Largest angle between the direction to the target and a side approach, radians. Default 0.8, range 0.1 to 3.
+    #[schemars(range(min = 0.1, max = 3.0))]
     pub max_side_rad: f64,
     /// Largest number of places that are tested. Default 40, range 1 to 1000.
     #[schemars(range(min = 1, max = 1000))]

@@ -36,7 +36,7 @@ const HIT_RADIUS_M: f64 = 0.025;
 const EXPLAINED_MARGIN_M: f64 = 0.12;
 
 impl<'a> Sight<'a> {
-    /// Sight among the stable objects of `map`, without those that are the target itself (see [`is_same`]).
+    /// Sight among the stable objects of `map`, without those that are the target itself (either centre in the other box, of comparable volume).
     pub fn among(map: &'a Map, costmap: &'a Costmap, target: &OrientedBox) -> Self {
         let occluder = |object: &'a MapObject| Occluder {
             id: object.id,
