@@ -322,6 +322,12 @@ impl Agent {
         Ok(self.model.with_gripper_width(configuration, width_m))
     }
 
+    /// A line in the log with the simulated time.
+    pub fn log(&mut self, what: impl AsRef<str>) {
+        let now_s = self.now().as_s();
+        tracing::debug!("{now_s:7.2} s  {}", what.as_ref());
+    }
+
     /// Stops the base and the arm, best effort, at the end of a run.
     pub fn stop(&mut self) {
         let still = JointVelocities::zeros(&self.model.arm.joints);

@@ -84,16 +84,6 @@ impl<'a> Drive<'a> {
             let velocity = agent.base_velocity()?;
             let output = follower.tick(&world_from_base, velocity, &costmap, agent.period().as_s());
             agent.tick(output.twist, &still)?;
-            if now.0 % 500_000_000 == 0 {
-                let t = output.twist;
-                tracing::debug!(
-                    "{:.2} s  v {:.2} w {:.2} {:?}",
-                    now.as_s(),
-                    t.forward_m_per_s,
-                    t.turn_rad_per_s,
-                    output.status
-                );
-            }
             match output.status {
                 FollowStatus::Following { .. } => {}
                 FollowStatus::Arrived => return Ok(DriveOutcome::Arrived),

@@ -139,6 +139,7 @@ fn try_grasp(
         speed_m_per_s: settings.free_speed_m_per_s,
         posture: Some(&reach.joints),
     };
+    agent.log(format!("to the pregrasp of {:?} (score {:.2})", reach.grasp.approach, reach.grasp.score));
     if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &free)? {
         return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the pregrasp"))));
     }
