@@ -13,8 +13,10 @@ use dsm_robot::model::collision::Obstacle;
 const STUCK_AFTER: Span = Span(800_000_000);
 /// Greatest joint error at the end of a path that still counts as its end, radians or metres.
 const NEAR_ENOUGH_RAD: f64 = 0.4;
-/// Improvement that counts, metres or radians.
-const PROGRESS: f64 = 0.002;
+/// Improvement that counts for a joint motion, radians or metres.
+const JOINT_PROGRESS: f64 = 0.03;
+/// Improvement that counts for a motion of the tool, metres.
+const TOOL_PROGRESS_M: f64 = 0.003;
 
 /// How a motion of the arm ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,17 +36,18 @@ pub enum ArmOutcome {
 struct Watch {
     best: f64,
     since_s: f64,
+    progress: f64,
 }
 
 impl Watch {
-    fn new(now_s: f64) -> Self {
-        Self { best: f64::INFINITY, since_s: now_s }
+    fn new(now_s: f64, progress: f64) -> Self {
+        Self { best: f64::INFINITY, since_s: now_s, progress }
     }
 
     /// Whether the motion is stuck.
     fn note(&mut self, error: f64, now_s: f64) -> bool {
-        if error < self.best - PROGRESS {
-            *self = Self { best: error, since_s: now_s };
+        if error < self.best - self.progress {
+            *self = Self { best: error, since_s: now_s, ..*self };
         }
         now_s - self.since_s > STUCK_AFTER.as_s()
     }
@@ -54,7 +57,7 @@ impl Watch {
 pub fn move_joints(agent: &mut Agent, goal: &JointPositions, obstacles: &[Obstacle]) -> Result<ArmOutcome, Halt> {
     let model = agent.model().clone();
     let mut motion = JointMove::new(&model, &model.arm, goal, model.settings.control.clone());
-    let mut watch = Watch::new(agent.now().as_s());
+    let mut watch = Watch::new(agent.now().as_s(), JOINT_PROGRESS);
     loop {
         let state = agent.arm_state()?;
         motion.set_other_joints(agent.configuration()?.positions());
@@ -126,7 +129,7 @@ pub fn move_tool(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<ArmOutcome,
     }
     controller.set_touching(motion.touching);
     let goal = ToolGoal::from(motion.goal);
-    let mut watch = Watch::new(agent.now().as_s());
+    let mut watch = Watch::new(agent.now().as_s(), TOOL_PROGRESS_M);
     loop {
         let state = agent.arm_state()?;
         controller.set_other_joints(agent.configuration()?.positions());
