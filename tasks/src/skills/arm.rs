@@ -64,45 +64,41 @@ pub fn move_joints(agent: &mut Agent, goal: &JointPositions, obstacles: &[Obstac
         let output = motion.tick(&state, obstacles, agent.period().as_s());
         agent.tick(Twist::default(), &output.velocities)?;
         if let Some(outcome) = judge(&output, &mut watch, agent.now().as_s()) {
+            if outcome != ArmOutcome::Reached {
+                agent.log(format!(
+                    "joints stuck: {:?}, {} rows, {} active, nearest {:?} m",
+                    output.status, output.rows, output.active_rows, output.min_distance_m
+                ));
+            }
             return Ok(outcome);
         }
     }
 }
 
-/// Moves along a named path of postures, forwards or backwards.
-pub fn move_along(
+/// Moves through postures in order.
+pub fn move_through(
     agent: &mut Agent,
-    path: &str,
-    direction: Direction,
+    postures: &[JointPositions],
     obstacles: &[Obstacle],
 ) -> Result<ArmOutcome, Halt> {
-    let model = agent.model().clone();
-    let mut postures: Vec<&String> = model.settings.paths.get(path).into_iter().flatten().collect();
-    if direction == Direction::Backward {
-        postures.reverse();
-    }
-    let count = postures.len();
-    for (i, posture) in postures.into_iter().enumerate() {
-        let Some(goal) = model.find_posture(posture) else { continue };
-        let outcome = move_joints(agent, &goal, obstacles)?;
-        agent.log(format!("{posture}: {outcome:?}"));
-        match outcome {
+    for (i, goal) in postures.iter().enumerate() {
+        match move_joints(agent, goal, obstacles)? {
             ArmOutcome::Reached => {}
             // Near the last posture is as good as at it: it is only where the next motion begins.
-            ArmOutcome::Stuck { error_m, .. } if i + 1 == count && error_m < NEAR_ENOUGH_RAD => {}
+            ArmOutcome::Stuck { error_m, .. } if i + 1 == postures.len() && error_m < NEAR_ENOUGH_RAD => {}
             stuck => return Ok(stuck),
         }
     }
     Ok(ArmOutcome::Reached)
 }
 
-/// Which way a path is taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Direction {
-    /// From its first posture.
-    Forward,
-    /// From its last posture.
-    Backward,
+/// Folds the arm from wherever it is: backwards through the named path, without its last posture.
+pub fn fold(agent: &mut Agent, path: &str, obstacles: &[Obstacle]) -> Result<ArmOutcome, Halt> {
+    let model = agent.model().clone();
+    let names = model.settings.paths.get(path).cloned().unwrap_or_default();
+    let postures: Vec<JointPositions> =
+        names.iter().rev().skip(1).filter_map(|name| model.find_posture(name)).collect();
+    move_through(agent, &postures, obstacles)
 }
 
 /// A motion of the tool.

@@ -1,13 +1,14 @@
 //! Grasping: choose a place, drive there, look again, reach, look with the wrist camera, close, lift, verify twice.
 
 use super::Outcome;
-use super::arm::{ArmOutcome, Direction, ToolMove, move_along, move_tool};
+use super::approach::{Approach, find_approaches};
+use super::arm::{ArmOutcome, ToolMove, fold, move_through, move_tool};
 use super::drive::{Drive, DriveOutcome};
 use super::obstacles::find_obstacles;
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
-use dsm::map::{Map, ObjectId};
+use dsm::map::{CellState, Map, ObjectId};
 use dsm::time::Span;
 use dsm_robot::control::{IkRequest, find_ik};
 use dsm_robot::drivers::Twist;
@@ -37,6 +38,8 @@ pub struct GraspSettings {
     pub free_speed_m_per_s: f64,
     /// Speed of the approach and of the lift, metres per second. Default 0.1.
     pub approach_speed_m_per_s: f64,
+    /// Speed of the base with the arm unfolded, metres per second. Default 0.2.
+    pub step_speed_m_per_s: f64,
     /// Narrower than this the hand holds nothing, metres. Default 0.008.
     pub min_width_m: f64,
 }
@@ -50,13 +53,14 @@ impl Default for GraspSettings {
             grip_force_n: 25.0,
             free_speed_m_per_s: 0.3,
             approach_speed_m_per_s: 0.1,
+            step_speed_m_per_s: 0.2,
             min_width_m: 0.008,
         }
     }
 }
 
 /// The posture path that unfolds the arm, and the postures from which reach is searched.
-const UNFOLD: &str = "carry_to_ready_down";
+pub(super) const UNFOLD: &str = "carry_to_ready_down";
 const READY: [&str; 2] = ["ready_down", "ready_front"];
 
 /// A grasp with joints that reach it, in the frame of a standing base.
@@ -101,27 +105,34 @@ fn try_grasp(
     let Some(bounds) = agent.map().find_object(id).map(|o| o.bounds) else {
         return Ok(Err((Stage::Mapping, format!("object {} left the map", id.0))));
     };
-    let places = choose_places(agent, nav, settings, id)?;
-    let Some(place) = places.get(attempt.min(places.len().saturating_sub(1))).copied() else {
+    let approaches = choose_approaches(agent, nav, settings, id)?;
+    let Some(approach) = approaches.get(attempt.min(approaches.len().saturating_sub(1))).cloned() else {
         return Ok(Err((Stage::Planning, "no place from which the object can be reached".into())));
     };
     agent.gaze = Gaze::AHEAD;
-    let arrived = Drive::to_pose(nav, place).run(agent)?;
+    let arrived = Drive::to_pose(nav, approach.unfold_at).run(agent)?;
     if arrived != DriveOutcome::Arrived {
         return Ok(Err((Stage::Planning, format!("the way to the object failed: {arrived:?}"))));
     }
-    // Look again from here.
+    // Unfold a step back, with everything but the target in the way, and drive the last step with the arm ready.
     agent.gaze = Gaze::Point(bounds.center);
-    agent.rest(Span::from_s(1.6))?;
+    let obstacles = obstacles_now(agent, id)?;
+    if let ArmOutcome::Stuck { error_m, .. } = move_through(agent, &approach.postures, &obstacles)? {
+        return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
+    }
+    if approach.step_m() > 0.01 {
+        let mut slow = nav.clone();
+        slow.follower.max_speed_m_per_s = settings.step_speed_m_per_s;
+        let arrived = Drive::to_pose(&slow, approach.stand).run(agent)?;
+        if arrived != DriveOutcome::Arrived {
+            return Ok(Err((Stage::Planning, format!("the last step to the object failed: {arrived:?}"))));
+        }
+    }
+    // Look again from here.
+    agent.rest(Span::from_s(1.2))?;
     let now_s = agent.now().as_s();
     let picture = agent.find_frame("head").map(|seen| seen.frame.clone());
     agent.journal.note(now_s, "before the object", picture.as_ref());
-    // Unfold, with everything but the target in the way.
-    let obstacles = obstacles_now(agent, id)?;
-    if let ArmOutcome::Stuck { error_m, .. } = move_along(agent, UNFOLD, Direction::Forward, &obstacles)? {
-        return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
-    }
-    agent.rest(Span::from_s(0.4))?;
     // Choose a grasp for where the base really stands.
     let (reach, support_z_m) = match choose_grasp(agent, settings, id)? {
         Ok(chosen) => chosen,
@@ -246,12 +257,12 @@ fn find_reach(
     Some(joints)
 }
 
-fn choose_places(
+fn choose_approaches(
     agent: &mut Agent,
     nav: &NavConfig,
     settings: &GraspSettings,
     id: ObjectId,
-) -> Result<Vec<Pose2>, Halt> {
+) -> Result<Vec<Approach>, Halt> {
     let (map, model) = (agent.map().clone(), agent.model().clone());
     let start = Pose2::from_pose(&agent.world_from_base()?).position;
     let configuration = agent.configuration()?;
@@ -267,7 +278,8 @@ fn choose_places(
             find_reach(&model, &configuration, &seeds, &[], &goal, &settings.planner).map(|_| 1.0)
         };
         let places = find_placements(&plan.candidates, &costmap, &field, &reach, &settings.placement);
-        places.into_iter().map(|place| place.base).collect()
+        let stands: Vec<Pose2> = places.into_iter().map(|place| place.base).collect();
+        find_approaches(&map, &model, &costmap, &field, &configuration, &stands, id)
     })
 }
 
@@ -386,8 +398,10 @@ fn share_still_there(agent: &Agent, before: &[Point3<f64>]) -> f64 {
     if visible < 20 { 0.0 } else { there as f64 / visible as f64 }
 }
 
-/// Opens the hand, backs off and folds the arm, best effort.
+/// Opens the hand, backs off with arm and base, and folds the arm, best effort.
 fn retreat(agent: &mut Agent) -> Result<(), Halt> {
+    const BACK_M: f64 = 0.45;
+    const SPEED_M_PER_S: f64 = 0.15;
     let opening_m = agent.model().settings.gripper.max_aperture_m;
     agent.grip(opening_m, 10.0);
     agent.rest(Span::from_s(0.6))?;
@@ -402,8 +416,30 @@ fn retreat(agent: &mut Agent) -> Result<(), Halt> {
         posture: None,
     };
     move_tool(agent, &back)?;
+    back_off(agent, BACK_M, SPEED_M_PER_S)?;
     let world_from_base = agent.world_from_base()?;
     let obstacles = find_obstacles(agent.map(), &world_from_base, None);
-    move_along(agent, UNFOLD, Direction::Backward, &obstacles)?;
+    fold(agent, UNFOLD, &obstacles)?;
     Ok(())
+}
+
+/// Drives straight back, as far as the map says that there is floor.
+fn back_off(agent: &mut Agent, distance_m: f64, speed_m_per_s: f64) -> Result<(), Halt> {
+    let still = JointVelocities::zeros(&agent.model().arm.joints);
+    let start = agent.odom_from_base()?;
+    let radius_m = agent.model().settings.base.footprint_radius_m;
+    let begin = agent.now();
+    while (agent.now() - begin).as_s() < 1.5 * distance_m / speed_m_per_s {
+        let gone_m = (agent.odom_from_base()?.translation.vector - start.translation.vector).norm();
+        let world_from_base = agent.world_from_base()?;
+        let behind = world_from_base * Point3::new(-radius_m - 0.08, 0.0, 0.0);
+        let free = agent.map().free_space.state_at(&Point2::new(behind.x, behind.y)) == CellState::Free;
+        if gone_m >= distance_m || !free {
+            break;
+        }
+        // Braking in time: v <= sqrt(2 a d).
+        let speed = speed_m_per_s.min((2.0 * 0.3 * (distance_m - gone_m)).sqrt()).max(0.03);
+        agent.tick(Twist { forward_m_per_s: -speed, turn_rad_per_s: 0.0 }, &still)?;
+    }
+    agent.rest(Span::from_s(0.3))
 }

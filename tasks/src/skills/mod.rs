@@ -1,6 +1,7 @@
 //! Skills: what the robot can do. Each is a function that ticks the agent until it is done and answers with a typed
 //! outcome; each is bounded in simulated time.
 
+pub mod approach;
 pub mod arm;
 pub mod drive;
 pub mod explore;

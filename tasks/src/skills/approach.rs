@@ -1,0 +1,157 @@
+//! Where to unfold the arm before a grasp: the sweep from the fold to the ready posture takes room that a place before a
+//! shelf does not have, so the arm unfolds a step back and the base drives the last step with the arm ready.
+
+use super::obstacles::find_obstacles;
+use dsm::map::{Map, ObjectId};
+use dsm_robot::joints::JointPositions;
+use dsm_robot::model::collision::Obstacle;
+use dsm_robot::model::{Configuration, RobotModel};
+use dsm_robot::nav::{Costmap, Field, Pose2};
+use nalgebra::{Point2, Vector2};
+
+/// Steps back that are tried, metres.
+const BACK_M: [f64; 7] = [0.0, 0.25, 0.4, 0.55, 0.7, 0.9, 1.1];
+/// Heights of the lift that are tried for the last step, as shares of its range.
+const LIFT_SHARES: [f64; 3] = [0.45, 0.75, 1.0];
+/// Distance that the arm keeps from obstacles in the plan, metres.
+const MARGIN_M: f64 = 0.03;
+/// Samples of each motion.
+const SAMPLES: usize = 8;
+
+/// A place to grasp from and the way to get there with the arm ready.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Approach {
+    /// Where the arm unfolds.
+    pub unfold_at: Pose2,
+    /// Where the grasp begins.
+    pub stand: Pose2,
+    /// Postures of the arm on the way from the fold to ready, in order.
+    pub postures: Vec<JointPositions>,
+}
+
+impl Approach {
+    /// Length of the last step, metres.
+    pub fn step_m(&self) -> f64 {
+        (self.stand.position - self.unfold_at.position).norm()
+    }
+}
+
+/// Finds how to come to each of the `stands` with the arm ready; stands without room are left out.
+pub fn find_approaches(
+    map: &Map,
+    model: &RobotModel,
+    costmap: &Costmap,
+    field: &Field,
+    folded: &Configuration,
+    stands: &[Pose2],
+    target: ObjectId,
+) -> Vec<Approach> {
+    let way = |stand: &Pose2| find_approach(map, model, costmap, field, folded, stand, target);
+    stands.iter().filter_map(way).collect()
+}
+
+fn find_approach(
+    map: &Map,
+    model: &RobotModel,
+    costmap: &Costmap,
+    field: &Field,
+    folded: &Configuration,
+    stand: &Pose2,
+    target: ObjectId,
+) -> Option<Approach> {
+    let ahead = Vector2::new(stand.yaw_rad.cos(), stand.yaw_rad.sin());
+    let near_stand = find_obstacles(map, &stand.to_pose(), Some(target));
+    for back_m in BACK_M {
+        let position: Point2<f64> = stand.position - ahead * back_m;
+        if !costmap.is_traversable_at(&position)
+            || costmap.find_segment_cost(&position, &stand.position).is_none()
+            || field.find_length_to_m(&position).is_none()
+        {
+            continue;
+        }
+        let unfold_at = Pose2 { position, yaw_rad: stand.yaw_rad };
+        let near_unfold = find_obstacles(map, &unfold_at.to_pose(), Some(target));
+        for share in LIFT_SHARES {
+            let postures = unfolding(model, share)?;
+            if !is_free_along(model, folded, &postures, &near_unfold) {
+                continue;
+            }
+            // The last step, with the obstacles seen from the stand moved by what is left of the way.
+            let ready = configured(model, folded, postures.last()?);
+            let clear = (0..=SAMPLES).all(|i| {
+                let left_m = back_m * (1.0 - i as f64 / SAMPLES as f64);
+                !collides(model, &ready, &shifted(&near_stand, left_m))
+            });
+            if clear {
+                return Some(Approach { unfold_at, stand: *stand, postures });
+            }
+        }
+    }
+    None
+}
+
+/// The postures from the fold to ready, with the lift at a share of its range in the last one.
+fn unfolding(model: &RobotModel, lift_share: f64) -> Option<Vec<JointPositions>> {
+    let path = model.settings.paths.get(super::grasp::UNFOLD)?;
+    let mut postures: Vec<JointPositions> = path.iter().filter_map(|name| model.find_posture(name)).collect();
+    // The lift is the first joint of the arm group.
+    let (lift, limits) = (model.arm.joints.first()?, model.arm.limits.first()?);
+    let last = postures.pop()?;
+    let mut names: Vec<_> = last.names().iter().filter(|name| *name != lift).cloned().collect();
+    let mut values: Vec<f64> = names.iter().filter_map(|name| last.find(name)).collect();
+    names.push(lift.clone());
+    values.push(limits.lower + lift_share * (limits.upper - limits.lower));
+    postures.push(JointPositions::from_values(&names.into(), values)?);
+    Some(postures)
+}
+
+fn configured(model: &RobotModel, from: &Configuration, posture: &JointPositions) -> Configuration {
+    let mut configuration = from.clone();
+    configuration.apply(posture);
+    // Only the arm moves: fingers and head stay as they are.
+    let arm = model.arm.values_of(&configuration);
+    let mut only_arm = from.clone();
+    only_arm.apply_group(&model.arm, &arm);
+    only_arm
+}
+
+fn is_free_along(
+    model: &RobotModel,
+    folded: &Configuration,
+    postures: &[JointPositions],
+    obstacles: &[Obstacle],
+) -> bool {
+    let mut from = folded.clone();
+    for posture in postures {
+        let to = configured(model, &from, posture);
+        let (a, b) = (model.arm.values_of(&from), model.arm.values_of(&to));
+        for i in 1..=SAMPLES {
+            let share = i as f64 / SAMPLES as f64;
+            let between: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a + (b - a) * share).collect();
+            let mut configuration = from.clone();
+            configuration.apply_group(&model.arm, &between);
+            if collides(model, &configuration, obstacles) {
+                return false;
+            }
+        }
+        from = to;
+    }
+    true
+}
+
+fn collides(model: &RobotModel, configuration: &Configuration, obstacles: &[Obstacle]) -> bool {
+    let poses = model.kinematics.root_from_links(configuration);
+    !model.collision.obstacle_distances(&poses, obstacles, &model.arm_links(), MARGIN_M).is_empty()
+}
+
+/// Obstacles as a base sees them that still has `left_m` to go straight ahead.
+fn shifted(obstacles: &[Obstacle], left_m: f64) -> Vec<Obstacle> {
+    let shift = nalgebra::Vector3::new(left_m, 0.0, 0.0);
+    let moved = |obstacle: &Obstacle| match obstacle {
+        Obstacle::Ball { center_in_base, radius_m, .. } => Obstacle::still_ball(center_in_base + shift, *radius_m),
+        Obstacle::Box { base_from_box, half_size_m, .. } => {
+            Obstacle::still_box(nalgebra::Translation3::from(shift) * base_from_box, *half_size_m)
+        }
+    };
+    obstacles.iter().map(moved).collect()
+}
