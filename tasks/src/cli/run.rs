@@ -44,6 +44,8 @@ pub struct Timing {
 pub fn run(args: RunArgs) -> anyhow::Result<u8> {
     let (spec, settings) = prepare(&args.episode, &args.world)?;
     set_threads(settings.threads.value)?;
+    // Broken input is found before anything is written.
+    crate::assemble::check(&spec)?;
     let folder = prepare_folder(&args.out, &default_folder(&spec))?;
     let interrupted = catch_interrupt()?;
     let bar = progress_bar(spec.time_limit_s);

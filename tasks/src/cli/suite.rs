@@ -110,6 +110,7 @@ pub fn run(args: SuiteArgs) -> anyhow::Result<u8> {
     for file in &files {
         let (spec, settings) = prepare(file, &args.world)?;
         set_threads_once(settings.threads.value, specs.is_empty())?;
+        crate::assemble::check(&spec)?;
         match args.seeds {
             Some((a, b)) => specs.extend((a..b).map(|seed| RunSpec { seed, ..spec.clone() })),
             None => specs.push(spec),
