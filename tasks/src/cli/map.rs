@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// Scale of a map picture: a flat of ten metres fills a page.
-const PIXELS_PER_M: f64 = 80.0;
+const PIXELS_PER_M: f64 = 64.0;
 
 /// Commands on map files.
 #[derive(Debug, clap::Subcommand)]
@@ -72,7 +72,7 @@ struct Checked {
 }
 
 /// Runs a map command.
-pub fn run(command: MapCommand) -> anyhow::Result<u8> {
+pub(super) fn run(command: MapCommand) -> anyhow::Result<u8> {
     match command {
         MapCommand::Show { map, result } => {
             let shown = show_map(&load_map(&map).map_err(TaskError::from)?.map);
