@@ -276,6 +276,13 @@ impl Agent {
         self.frames.get(camera)
     }
 
+    /// Notes an event of this moment with what the head camera saw last.
+    pub fn note(&mut self, what: impl Into<String>) {
+        let now_s = self.now().as_s();
+        let frame = self.find_frame("head").map(|seen| seen.frame.clone());
+        self.journal.note(now_s, what, frame.as_ref());
+    }
+
     /// Sets what the gripper does until told otherwise: width in metres, greatest force in newtons.
     pub fn grip(&mut self, width_m: f64, max_force_n: f64) {
         self.grip = Some((width_m, max_force_n));

@@ -98,10 +98,10 @@ pub fn find_robot(robot: &str) -> Result<PathBuf, TaskError> {
 fn check_names(spec: &RunSpec, world: &World) -> Result<(), TaskError> {
     let bodies = world.object_names();
     let rooms = world.room_names();
-    let fail = |what: &'static str, name: &str, all: &[String]| {
-        let nearest = dsm::config::find_nearest(name, all.iter().map(String::as_str));
-        let known = nearest.map_or_else(|| all.to_vec(), |near| vec![near.to_owned()]);
-        Err(TaskError::UnknownName { path: spec.file.clone(), what, name: name.to_owned(), known })
+    let fail = |what: &'static str, name: &str, known: &[String]| {
+        let nearest = dsm::config::find_nearest(name, known.iter().map(String::as_str)).map(str::to_owned);
+        let (path, name, line) = (spec.file.clone(), name.to_owned(), line_of_name(&spec.file, name));
+        Err(TaskError::UnknownName { path, line, what, name, nearest, known: known.to_vec() })
     };
     for e in &spec.episode.expectations {
         for body in [&e.object, &e.surface].into_iter().flatten() {
@@ -116,6 +116,14 @@ fn check_names(spec: &RunSpec, world: &World) -> Result<(), TaskError> {
         }
     }
     Ok(())
+}
+
+/// The first line that gives the name as a value; 1 when there is none.
+fn line_of_name(file: &Path, name: &str) -> usize {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    let value = format!("\"{name}\"");
+    let gives = |line: &str| line.split_once('=').is_some_and(|(_, rest)| rest.trim_start().starts_with(&value));
+    text.lines().position(gives).map_or(1, |index| index + 1)
 }
 
 /// The embedded knowledge.

@@ -38,15 +38,19 @@ pub enum TaskError {
         path: PathBuf,
     },
     /// A name that the scene does not have.
-    #[error("{}: {what} `{name}` is not in the scene; known: {}", path.display(), known.join(", "))]
+    #[error("{}:{line}: {what} `{name}` is not in the scene;{} known: {}", path.display(), meant(nearest), shortened(known))]
     UnknownName {
         /// The file that names it.
         path: PathBuf,
+        /// The line, from 1.
+        line: usize,
         /// What kind of thing.
         what: &'static str,
         /// The name.
         name: String,
-        /// Valid names (the nearest ones).
+        /// The name that was probably meant.
+        nearest: Option<String>,
+        /// Valid names.
         known: Vec<String>,
     },
     /// A flag or value that cannot be used.
@@ -66,6 +70,20 @@ pub enum TaskError {
     /// The program contradicts itself.
     #[error("internal error: {0}")]
     Internal(String),
+}
+
+fn meant(nearest: &Option<String>) -> String {
+    nearest.as_ref().map_or_else(String::new, |name| format!(" did you mean `{name}`?"))
+}
+
+/// At most a dozen names: a flat has hundreds of bodies.
+fn shortened(known: &[String]) -> String {
+    let shown = known.iter().take(12).cloned().collect::<Vec<_>>().join(", ");
+    match known.len() {
+        0 => "none".to_owned(),
+        n if n > 12 => format!("{shown} and {} more", n - 12),
+        _ => shown,
+    }
 }
 
 impl TaskError {

@@ -77,7 +77,7 @@ impl Executor {
                 Done { outcome: StepOutcome::Failed, reason, skill: "", grounding: None, stage: Some(stage) }
             });
             let end = agent.now();
-            agent.journal.note(end.as_s(), format!("step {index} ends: {:?}: {}", done.outcome, done.reason), None);
+            agent.note(format!("step {index} ends: {:?}: {}", done.outcome, done.reason));
             if let Some(stage) = done.stage {
                 account.failure = Some(Failure { step: index, stage, reason: done.reason.clone() });
             }

@@ -271,13 +271,14 @@ impl View {
                 continue;
             }
             taken.push(spot);
+            // The halo is an element of its own: not every viewer paints an outline below its letters.
             let _ = writeln!(
                 svg,
-                "<text x=\"{:.1}\" y=\"{:.1}\" font-size=\"{height}\" fill=\"{}\" text-anchor=\"middle\" dominant-baseline=\"central\" \
-                 stroke=\"#fff\" stroke-width=\"3\" paint-order=\"stroke\">{}</text>",
-                at.x,
-                at.y,
+                "<g font-size=\"{height}\" text-anchor=\"middle\" fill=\"{0}\"><text x=\"{1:.1}\" y=\"{2:.1}\" stroke=\"#fff\" \
+                 stroke-width=\"3\" aria-hidden=\"true\">{3}</text><text x=\"{1:.1}\" y=\"{2:.1}\">{3}</text></g>",
                 hex(color),
+                at.x,
+                at.y + 0.35 * height,
                 escape(&name)
             );
         }
@@ -300,9 +301,18 @@ fn points_of(map: &Map) -> Scene {
     }
     for object in map.stable_objects() {
         let (points_in_world, colors) = object.points.iter().map(|p| (p.position, p.color)).unzip();
-        scene.splats.push(Splats { points_in_world, colors, radius_m: 0.008, label: 2 });
+        scene.splats.push(Splats { points_in_world, colors, radius_m: disc_radius_m(object), label: 2 });
     }
     scene
+}
+
+/// Half the spacing of an object's points, had they been spread over the upper faces of its box: their number is bounded,
+/// so large things have sparse points.
+fn disc_radius_m(object: &MapObject) -> f32 {
+    let size = object.bounds.size;
+    let area_m2 = size.x * size.y + (size.x + size.y) * size.z;
+    let spacing_m = (area_m2 / object.points.len().max(1) as f64).sqrt();
+    (0.6 * spacing_m).clamp(0.005, 0.05) as f32
 }
 
 struct Canvas<'a> {

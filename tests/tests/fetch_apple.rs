@@ -2,6 +2,8 @@
 //! there and lifts the right object with friction alone. The run is a function of scene, configuration and seed: not of
 //! the number of threads, nor of the simulator's label ids, nor of the names of bodies.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot prepare its run fails")]
+
 use scenarios::{apartment, root, run};
 use std::fs;
 use std::path::Path;

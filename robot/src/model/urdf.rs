@@ -72,8 +72,17 @@ impl Reader<'_> {
         Ok(Kinematics { name: robot.name, links, joints, root, variables })
     }
 
-    /// What urdf-rs would report without a line: missing attributes and bad numbers.
+    /// What urdf-rs would report without a line, or not at all: missing attributes, bad numbers, names that stand twice.
     fn check_elements(&self, document: &roxmltree::Document<'_>) -> Result<(), ModelError> {
+        let mut named: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+        for node in document.root_element().children().filter(|n| n.has_tag_name("link") || n.has_tag_name("joint")) {
+            let (kind, name) = (node.tag_name().name(), node.attribute("name").unwrap_or_default());
+            let line = document.text_pos_at(node.range().start).row as usize;
+            if let Some(first) = named.insert((kind, name), line) {
+                return Err(self
+                    .invalid(line, format!("{kind} `{name}` stands already in line {first}; expected a unique name")));
+            }
+        }
         for node in document.descendants().filter(roxmltree::Node::is_element) {
             let line = document.text_pos_at(node.range().start).row as usize;
             let needed: &[&str] = match node.tag_name().name() {
@@ -91,16 +100,18 @@ impl Reader<'_> {
                 }
             }
             for attribute in node.attributes() {
-                let count = match attribute.name() {
-                    "xyz" | "rpy" => 3,
-                    "size" if node.has_tag_name("box") => 3,
-                    "radius" | "length" | "lower" | "upper" | "velocity" | "effort" => 1,
+                let (count, low, bound) = match attribute.name() {
+                    "xyz" | "rpy" => (3, f64::NEG_INFINITY, ""),
+                    "lower" | "upper" => (1, f64::NEG_INFINITY, ""),
+                    "size" if node.has_tag_name("box") => (3, 0.0, " >= 0"),
+                    "radius" | "length" | "velocity" | "effort" => (1, 0.0, " >= 0"),
                     _ => continue,
                 };
                 let numbers: Vec<_> = attribute.value().split_whitespace().map(str::parse::<f64>).collect();
-                if numbers.len() != count || numbers.iter().any(|n| !n.as_ref().is_ok_and(|v| v.is_finite())) {
+                let fits = |n: &Result<f64, _>| n.as_ref().is_ok_and(|v| v.is_finite() && *v >= low);
+                if numbers.len() != count || !numbers.iter().all(fits) {
                     let message = format!(
-                        "`{}` is \"{}\"; expected {count} finite number{}",
+                        "`{}` is \"{}\"; expected {count} finite number{}{bound}",
                         attribute.name(),
                         attribute.value(),
                         if count == 1 { "" } else { "s" }

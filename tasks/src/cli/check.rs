@@ -58,7 +58,7 @@ struct GroupReport {
 }
 
 /// Checks a scene.
-pub fn scene(command: SceneCommand) -> anyhow::Result<u8> {
+pub(super) fn scene(command: SceneCommand) -> anyhow::Result<u8> {
     let SceneCommand::Check { scene, result } = command;
     let checked = check_scene(&scene).map_err(TaskError::from)?;
     let report = SceneReport {
@@ -84,7 +84,7 @@ pub fn scene(command: SceneCommand) -> anyhow::Result<u8> {
 }
 
 /// Checks a robot.
-pub fn robot(command: RobotCommand) -> anyhow::Result<u8> {
+pub(super) fn robot(command: RobotCommand) -> anyhow::Result<u8> {
     let RobotCommand::Check { robot, result } = command;
     let model = RobotModel::load(&find_robot(&robot)?).map_err(TaskError::from)?;
     let report = RobotReport {

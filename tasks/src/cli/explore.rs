@@ -23,7 +23,7 @@ pub struct ExploreArgs {
 }
 
 /// Explores a scene until nothing is left to see.
-pub fn run(args: ExploreArgs) -> anyhow::Result<u8> {
+pub(super) fn run(args: ExploreArgs) -> anyhow::Result<u8> {
     let settings = Settings::resolve(&args.world, None, &|_| false)?;
     set_threads(settings.threads.value)?;
     let folder_name =

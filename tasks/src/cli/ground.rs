@@ -20,7 +20,7 @@ pub struct GroundArgs {
 }
 
 /// Grounds the text; code 0 when found, 1 when absent, ambiguous or not understood.
-pub fn run(args: GroundArgs) -> anyhow::Result<u8> {
+pub(super) fn run(args: GroundArgs) -> anyhow::Result<u8> {
     let loaded = load_map(&args.map).map_err(TaskError::from)?;
     if let Some(loss) = &loaded.loss {
         tracing::warn!("{}: the last {} bytes are lost: {loss}", args.map.display(), loaded.lost_bytes);

@@ -39,7 +39,7 @@ pub enum SchemaKind {
 }
 
 /// Runs a config command.
-pub fn config(command: ConfigCommand) -> anyhow::Result<u8> {
+pub(super) fn config(command: ConfigCommand) -> anyhow::Result<u8> {
     let ConfigCommand::Show { episode: file, world, result } = command;
     let episode = file.as_deref().map(Episode::load).transpose()?;
     let text = file.as_deref().map(std::fs::read_to_string).transpose()?.unwrap_or_default();
@@ -55,12 +55,12 @@ pub fn config(command: ConfigCommand) -> anyhow::Result<u8> {
 }
 
 /// Whether a TOML text sets a top-level key.
-pub fn holds_key(text: &str, key: &str) -> bool {
+pub(super) fn holds_key(text: &str, key: &str) -> bool {
     text.parse::<toml::Table>().is_ok_and(|table| table.contains_key(key))
 }
 
 /// Prints shell completions.
-pub fn completions(shell: clap_complete::Shell) -> anyhow::Result<u8> {
+pub(super) fn completions(shell: clap_complete::Shell) -> anyhow::Result<u8> {
     let mut bytes = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "dsm", &mut bytes);
     print(&String::from_utf8_lossy(&bytes))?;
@@ -68,7 +68,7 @@ pub fn completions(shell: clap_complete::Shell) -> anyhow::Result<u8> {
 }
 
 /// Prints a JSON schema.
-pub fn schema(kind: SchemaKind) -> anyhow::Result<u8> {
+pub(super) fn schema(kind: SchemaKind) -> anyhow::Result<u8> {
     let schema = match kind {
         SchemaKind::Episode => schemars::schema_for!(Episode),
         SchemaKind::Robot => schemars::schema_for!(RobotSettings),

@@ -2,10 +2,14 @@
 
 use super::{Output, ResultArgs};
 use crate::error::TaskError;
-use dsm::store::{ExportFormat, ShownMap, export_map, load_map, save_map, show_map};
+use crate::picture::{map_png, map_svg};
+use dsm::store::{ExportFormat, ShownMap, export_map, load_map, save_map, show_map, write_atomically};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+
+/// Scale of a map picture: a flat of ten metres fills a page.
+const PIXELS_PER_M: f64 = 64.0;
 
 /// Commands on map files.
 #[derive(Debug, clap::Subcommand)]
@@ -50,6 +54,10 @@ pub enum FormatChoice {
     Csv,
     /// Nav2 occupancy map (.pgm and .yaml).
     Nav2,
+    /// Picture from above, drawn from the measured points.
+    Png,
+    /// Drawing from above with names.
+    Svg,
 }
 
 #[derive(Serialize)]
@@ -64,7 +72,7 @@ struct Checked {
 }
 
 /// Runs a map command.
-pub fn run(command: MapCommand) -> anyhow::Result<u8> {
+pub(super) fn run(command: MapCommand) -> anyhow::Result<u8> {
     match command {
         MapCommand::Show { map, result } => {
             let shown = show_map(&load_map(&map).map_err(TaskError::from)?.map);
@@ -74,8 +82,16 @@ pub fn run(command: MapCommand) -> anyhow::Result<u8> {
         MapCommand::Check { map, repair, result } => check(&map, repair.as_deref(), result),
         MapCommand::Export { map, output, format } => {
             let format = choose_format(format, &output)?;
-            let loaded = load_map(&map).map_err(TaskError::from)?;
-            export_map(&loaded.map, format, &output).map_err(TaskError::from)?;
+            let map = load_map(&map).map_err(TaskError::from)?.map;
+            let drawn = |picture: Option<Vec<u8>>| {
+                picture.ok_or_else(|| TaskError::Usage("the map is empty: there is nothing to draw".into()))
+            };
+            let written = match format {
+                Format::Export(format) => export_map(&map, format, &output),
+                Format::Png => write_atomically(&output, &drawn(map_png(&map, &[], None, PIXELS_PER_M))?),
+                Format::Svg => write_atomically(&output, &drawn(map_svg(&map, &[], None).map(String::into_bytes))?),
+            };
+            written.map_err(TaskError::from)?;
             Ok(0)
         }
     }
@@ -105,17 +121,28 @@ fn check(path: &Path, repair: Option<&Path>, result: ResultArgs) -> anyhow::Resu
     Ok(u8::from(!checked.whole))
 }
 
-fn choose_format(choice: Option<FormatChoice>, output: &Path) -> Result<ExportFormat, TaskError> {
-    Ok(match (choice, output.extension().and_then(|e| e.to_str())) {
+/// Where a format is written.
+enum Format {
+    Export(ExportFormat),
+    Png,
+    Svg,
+}
+
+fn choose_format(choice: Option<FormatChoice>, output: &Path) -> Result<Format, TaskError> {
+    let format = match (choice, output.extension().and_then(|e| e.to_str())) {
+        (Some(FormatChoice::Png), _) | (None, Some("png")) => return Ok(Format::Png),
+        (Some(FormatChoice::Svg), _) | (None, Some("svg")) => return Ok(Format::Svg),
         (Some(FormatChoice::Ply), _) | (None, Some("ply")) => ExportFormat::Ply,
         (Some(FormatChoice::Json), _) | (None, Some("json")) => ExportFormat::Json,
         (Some(FormatChoice::Csv), _) | (None, Some("csv")) => ExportFormat::Csv,
         (Some(FormatChoice::Nav2), _) | (None, Some("pgm")) => ExportFormat::Nav2,
         (None, _) => {
             let name = output.display();
-            return Err(TaskError::Usage(format!("{name}: expected .ply, .json, .csv or .pgm, or --format")));
+            let expected = "expected .ply, .json, .csv, .pgm, .png or .svg, or --format";
+            return Err(TaskError::Usage(format!("{name}: {expected}")));
         }
-    })
+    };
+    Ok(Format::Export(format))
 }
 
 fn list(shown: &ShownMap) -> String {

@@ -29,14 +29,14 @@ impl Output {
 }
 
 /// Pretty JSON with a newline at the end.
-pub fn to_json<T: Serialize>(value: &T) -> Result<String, TaskError> {
+pub(super) fn to_json<T: Serialize>(value: &T) -> Result<String, TaskError> {
     let mut text = serde_json::to_string_pretty(value).map_err(|e| TaskError::Internal(e.to_string()))?;
     text.push('\n');
     Ok(text)
 }
 
 /// Writes to stdout; a closed pipe is no error.
-pub fn print(text: &str) -> Result<(), TaskError> {
+pub(super) fn print(text: &str) -> Result<(), TaskError> {
     let end = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
     match write!(std::io::stdout().lock(), "{text}{end}") {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
@@ -47,7 +47,7 @@ pub fn print(text: &str) -> Result<(), TaskError> {
 }
 
 /// Prepares an output folder: it must be empty or new unless forced.
-pub fn prepare_folder(args: &OutArgs, default: &Path) -> Result<PathBuf, TaskError> {
+pub(super) fn prepare_folder(args: &OutArgs, default: &Path) -> Result<PathBuf, TaskError> {
     let folder = args.out.clone().unwrap_or_else(|| default.to_owned());
     let read = |source| TaskError::Read { path: folder.clone(), source };
     if folder.exists() && !folder.is_dir() {

@@ -41,9 +41,11 @@ pub struct Timing {
 }
 
 /// Runs one episode.
-pub fn run(args: RunArgs) -> anyhow::Result<u8> {
+pub(super) fn run(args: RunArgs) -> anyhow::Result<u8> {
     let (spec, settings) = prepare(&args.episode, &args.world)?;
     set_threads(settings.threads.value)?;
+    // Broken input is found before anything is written.
+    crate::assemble::check(&spec)?;
     let folder = prepare_folder(&args.out, &default_folder(&spec))?;
     let interrupted = catch_interrupt()?;
     let bar = progress_bar(spec.time_limit_s);
@@ -75,7 +77,7 @@ pub fn prepare(file: &Path, world: &WorldArgs) -> Result<(RunSpec, Settings), Ta
 }
 
 /// Runs an episode and writes its folder.
-pub fn run_and_write(
+pub(super) fn run_and_write(
     spec: &RunSpec,
     folder: &Path,
     interrupted: Arc<AtomicBool>,
@@ -95,12 +97,12 @@ pub fn run_and_write(
 }
 
 /// Where results go when nothing is said: `out/<episode>-<seed>`.
-pub fn default_folder(spec: &RunSpec) -> PathBuf {
+pub(super) fn default_folder(spec: &RunSpec) -> PathBuf {
     Path::new("out").join(format!("{}-{}", spec.name, spec.seed))
 }
 
 /// The process exit code of a run.
-pub fn exit_code(summary: &Summary, interrupted: bool) -> u8 {
+pub(super) fn exit_code(summary: &Summary, interrupted: bool) -> u8 {
     use crate::summary::Stage;
     match &summary.failure {
         _ if interrupted => 130,
@@ -111,7 +113,7 @@ pub fn exit_code(summary: &Summary, interrupted: bool) -> u8 {
 }
 
 /// Ctrl-C sets the flag; the loop then stops the robot and writes the summary.
-pub fn catch_interrupt() -> Result<Arc<AtomicBool>, TaskError> {
+pub(super) fn catch_interrupt() -> Result<Arc<AtomicBool>, TaskError> {
     let flag = Arc::new(AtomicBool::new(false));
     let set = flag.clone();
     ctrlc::set_handler(move || set.store(true, Ordering::Relaxed)).map_err(|e| TaskError::Internal(e.to_string()))?;
@@ -119,7 +121,7 @@ pub fn catch_interrupt() -> Result<Arc<AtomicBool>, TaskError> {
 }
 
 /// Sets the number of worker threads, once per process.
-pub fn set_threads(threads: u16) -> Result<(), TaskError> {
+pub(super) fn set_threads(threads: u16) -> Result<(), TaskError> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(usize::from(threads))
         .build_global()
@@ -138,7 +140,7 @@ impl Progress for BarProgress {
 }
 
 /// A bar on stderr; hidden when stderr is no terminal.
-pub fn progress_bar(limit_s: f64) -> ProgressBar {
+pub(super) fn progress_bar(limit_s: f64) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(limit_s as u64), ProgressDrawTarget::stderr());
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos:>3} of {len} simulated s  {msg}") {
         bar.set_style(style);

@@ -47,7 +47,7 @@ pub struct SuiteArgs {
 
 /// One line of the suite.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct SuiteEpisode {
+pub(super) struct SuiteEpisode {
     /// Name of the episode.
     id: String,
     /// Seed.
@@ -64,7 +64,7 @@ pub struct SuiteEpisode {
 
 /// Sums over the suite.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct Totals {
+pub(super) struct Totals {
     /// Episodes run.
     episodes: usize,
     /// Episodes that succeeded.
@@ -83,7 +83,7 @@ pub struct Totals {
 
 /// `suite.json`.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct Suite {
+pub(super) struct Suite {
     /// Version of this layout.
     schema: u32,
     /// Episodes sorted by name and seed.
@@ -100,7 +100,7 @@ fn parse_seeds(text: &str) -> Result<(u64, u64), String> {
 }
 
 /// Runs the suite; code 1 when an episode failed.
-pub fn run(args: SuiteArgs) -> anyhow::Result<u8> {
+pub(super) fn run(args: SuiteArgs) -> anyhow::Result<u8> {
     if args.generate.is_some() {
         let hint = "give paths of episodes or of folders with episodes/*.toml".into();
         return Err(TaskError::NotBuiltIn { feature: "the generator of homes".into(), hint }.into());
@@ -110,6 +110,7 @@ pub fn run(args: SuiteArgs) -> anyhow::Result<u8> {
     for file in &files {
         let (spec, settings) = prepare(file, &args.world)?;
         set_threads_once(settings.threads.value, specs.is_empty())?;
+        crate::assemble::check(&spec)?;
         match args.seeds {
             Some((a, b)) => specs.extend((a..b).map(|seed| RunSpec { seed, ..spec.clone() })),
             None => specs.push(spec),

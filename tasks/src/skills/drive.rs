@@ -28,13 +28,16 @@ pub enum DriveOutcome {
     TimeUp,
 }
 
+/// Whether a new map tells the caller enough.
+type Enough<'a> = dyn FnMut(&Arc<Map>) -> bool + 'a;
+
 /// One drive.
 pub struct Drive<'a> {
     nav: &'a NavConfig,
     goal: Point2<f64>,
     heading_rad: Option<f64>,
     end: Option<Stamp>,
-    enough: Option<&'a mut dyn FnMut(&Arc<Map>) -> bool>,
+    enough: Option<&'a mut Enough<'a>>,
 }
 
 type Planned = (Costmap, Result<Path, PlanFailure>);

@@ -66,11 +66,10 @@ impl Explorer {
                 return Ok(ExploreOutcome::TimeUp);
             }
             let next = self.choose(agent)?;
-            let now_s = agent.now().as_s();
             match next {
                 Next::Frontier(frontier) => {
                     let center = frontier.center;
-                    agent.journal.note(now_s, format!("frontier at ({:.1}, {:.1})", center.x, center.y), None);
+                    agent.note(format!("frontier at ({:.1}, {:.1})", center.x, center.y));
                     self.frontiers.record(&frontier, &self.nav.frontier);
                     // What is seen on the way needs no visit.
                     let mut resolved = false;
@@ -89,7 +88,7 @@ impl Explorer {
                 }
                 Next::Viewpoint(view) => {
                     let at = view.stand.position;
-                    agent.journal.note(now_s, format!("viewpoint at ({:.1}, {:.1})", at.x, at.y), None);
+                    agent.note(format!("viewpoint at ({:.1}, {:.1})", at.x, at.y));
                     self.coverage.settle(&view);
                     agent.gaze = Gaze::AROUND;
                     let drive = Drive::to_place(&self.nav, at).until(end).stop_when(enough);

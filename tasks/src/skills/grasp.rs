@@ -190,7 +190,7 @@ fn try_grasp(
         posture: Some(&reach.joints),
     };
     let lifted = move_tool(agent, &up)?;
-    Ok(verify(agent, settings, &before, lifted)?)
+    verify(agent, settings, &before, lifted)
 }
 
 /// Verified twice: by the width between the fingers, and by looking at where the object was.

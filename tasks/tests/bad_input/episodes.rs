@@ -47,14 +47,16 @@ refuse! {
     expected_height_is_too_high: episode("object = \"apple_1\"", "object = \"apple_1\"\nheight_m = 20"), RUN,
         ["episode.toml:13: `expect[0].height_m` is 20; expected >= 0.01 and <= 2"];
     expected_body_is_unknown: episode("object = \"apple_1\"", "object = \"aple_1\""), RUN,
-        ["episode.toml:12:", "`aple_1` is not in the scene", "apple_1"];
+        ["episode.toml:12: body `aple_1` is not in the scene; did you mean `apple_1`?"];
     expected_room_is_unknown:
         episode("kind = \"object_lifted\"\nobject = \"apple_1\"", "kind = \"robot_near\"\nroom = \"kitchn\""), RUN,
-        ["episode.toml:12:", "`kitchn` is not in the scene", "kitchen"];
+        ["episode.toml:12: room `kitchn` is not in the scene; did you mean `kitchen`?"];
     scene_of_episode_is_missing: episode("scene.xml", "scenes.xml"), RUN, ["scenes.xml", "MJCF"];
     robot_of_episode_is_unknown: episode("porter", "butler"), RUN, ["robot `butler`", "porter"];
     suite_with_a_broken_episode: Bench::new().file("episodes/broken.toml", "version = 1\nscen = \"x\"\n"), ["suite", "episodes"],
         ["broken.toml:2: unknown key `scen`; did you mean `scene`?"];
+    suite_in_a_broken_scene: Bench::new().edit("scene.xml", "material=\"red\"", "material=\"rad\""), ["suite", "episode.toml"],
+        ["scene.xml:10: there is no material `rad`"];
     config_of_a_broken_episode: episode("seed = 1", "sed = 1"), ["config", "show", "episode.toml"],
         ["episode.toml:4: unknown key `sed`; did you mean `seed`?"];
 }

@@ -78,9 +78,11 @@ refuse! {
     repairing_something_else: Bench::new().file("map.dsm", "words"), ["map", "check", "map.dsm", "--repair", "new.dsm"],
         ["map.dsm: not a map file"];
     export_to_an_unknown_format: map_of(apple(1)), ["map", "export", "map.dsm", "map.docx"],
-        ["map.docx: expected .ply, .json, .csv or .pgm, or --format"];
+        ["map.docx: expected .ply, .json, .csv, .pgm, .png or .svg, or --format"];
     export_of_a_damaged_map: damaged(|b| *b.last_mut().unwrap() ^= 1), ["map", "export", "map.dsm", "map.ply"],
         ["map.dsm", "a checksum is wrong"];
+    drawing_of_an_empty_map: damaged(|b| b.truncate(HEADER)), ["map", "export", "map.dsm", "map.png"],
+        ["the map is empty: there is nothing to draw"];
     export_into_a_missing_folder: map_of(apple(1)), ["map", "export", "map.dsm", "nowhere/map.ply"], ["nowhere", "No such file"];
     report_into_a_missing_folder: map_of(apple(1)), ["map", "show", "map.dsm", "--report", "nowhere/map.json"],
         ["nowhere", "No such file"];

@@ -56,11 +56,13 @@ refuse! {
         CHECK, ["robot.urdf:", "shoulder.stl"];
     urdf_speed_limit_is_negative:
         urdf("lower=\"0\" upper=\"0.45\" velocity=\"0.2\"", "lower=\"0\" upper=\"0.45\" velocity=\"-0.2\""),
-        CHECK, ["robot.urdf:", "lift_joint", "velocity"];
+        CHECK, ["robot.urdf:", "`velocity` is \"-0.2\"; expected 1 finite number >= 0"];
+    urdf_link_stands_twice: urdf("<link name=\"arm_2_link\"", "<link name=\"arm_1_link\""), CHECK,
+        ["robot.urdf:", "link `arm_1_link` stands already in line", "expected a unique name"];
     urdf_limits_are_reversed: urdf("lower=\"0\" upper=\"0.45\"", "lower=\"0.45\" upper=\"0\""), CHECK,
         ["robot.urdf:", "lift_joint", "lower"];
     urdf_joint_stands_twice: urdf("<joint name=\"arm_2_joint\"", "<joint name=\"arm_1_joint\""), CHECK,
-        ["robot.urdf:", "arm_1_joint"];
+        ["robot.urdf:", "joint `arm_1_joint` stands already in line", "expected a unique name"];
     run_with_a_broken_robot: toml("version = 1", "version = 2"), ["run", "episode.toml", "--robot", "robot.toml"],
         ["robot.toml:2: `version` is 2"];
 }

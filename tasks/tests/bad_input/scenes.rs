@@ -25,7 +25,7 @@ refuse! {
         ["flat/scene.xml", "expected an MJCF scene"];
     scene_is_empty: Bench::new().file("scene.xml", ""), CHECK, ["scene.xml:1: not well-formed XML"];
     scene_is_binary: Bench::new().file("scene.xml", [0xff, 0xfe, 0, 1, 2]), CHECK, ["scene.xml", "UTF-8"];
-    tag_is_not_closed: scene("</asset>", ""), CHECK, ["scene.xml:15: not well-formed XML", "mujoco"];
+    tag_is_not_closed: scene("</asset>", ""), CHECK, ["scene.xml:13: not well-formed XML", "mujoco"];
     scene_is_another_document: Bench::new().file("scene.xml", "<robot name=\"x\"/>"), CHECK,
         ["scene.xml:1:", "unknown element `robot`", "mujoco"];
     attribute_is_misspelt: scene("size=\"0.035\"", "siz=\"0.035\""), CHECK,
