@@ -3,6 +3,9 @@
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
+/// Unknown cells kept around every cell that was set.
+const MARGIN_CELLS: i32 = 24;
+
 /// What is known of one cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[repr(u8)]
@@ -64,10 +67,13 @@ impl FreeSpace {
         self.state(self.cell_at(point))
     }
 
-    /// Sets a cell and grows the grid when needed (in steps of 64 cells).
+    /// Sets a cell and grows the grid when needed (in steps of 64 cells), so that unknown cells surround what is known:
+    /// whoever looks for the unknown finds it inside the grid.
     pub fn set(&mut self, cell: [i32; 2], state: CellState) {
-        if self.find_index(cell).is_none() {
-            self.grow_to(cell);
+        for corner in [cell.map(|c| c - MARGIN_CELLS), cell.map(|c| c + MARGIN_CELLS)] {
+            if self.find_index(corner).is_none() {
+                self.grow_to(corner);
+            }
         }
         if let Some(i) = self.find_index(cell) {
             self.cells[i] = state;

@@ -82,7 +82,7 @@ pub enum PerceptionChoice {
 /// Where results go.
 #[derive(Clone, Debug, Default, Args)]
 pub struct OutArgs {
-    /// Output folder. Default: out/<episode>-<seed>.
+    /// Output folder. Default: `out/EPISODE-SEED`.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Replace a folder that is not empty.
