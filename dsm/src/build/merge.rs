@@ -72,7 +72,8 @@ fn is_same(config: &BuildConfig, a: &MapObject, a_track: &Track, b: &MapObject, 
     if same_name {
         return if together >= 2 { overlap >= SEEN_APART_OVERLAP } else { true };
     }
-    if together >= 2 {
+    // Two names for two masks of one frame: two things, however much one hides in the box of the other.
+    if together >= 1 {
         return false;
     }
     iou >= SAME_PLACE_IOU && visual >= config.visual_threshold

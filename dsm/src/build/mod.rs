@@ -18,6 +18,7 @@ mod cell_grid;
 mod config;
 mod draft;
 mod merge;
+mod merged_mask;
 mod observation;
 mod occupancy;
 mod outline;
@@ -199,6 +200,9 @@ impl MapBuilder {
     ) -> Vec<ObjectId> {
         let mut touched = Vec::new();
         for (observation, id) in observations.into_iter().zip(assigned) {
+            if merged_mask::shows_two(draft, &self.tracks, &observation) {
+                continue;
+            }
             if let Some(id) = id {
                 if let (Some(track), Some(object)) = (self.tracks.get_mut(&id), draft.edit(id)) {
                     track.fuse(&self.config, object, frame.stamp, observation);

@@ -24,7 +24,7 @@ pub struct CostmapConfig {
     /// Radius of the round footprint, metres. Default 0.27, range 0.05 to 1.
     #[schemars(range(min = 0.05, max = 1.0))]
     pub footprint_radius_m: f64,
-    /// Clearance beyond the footprint that is never given up, metres. Default 0.01, range 0 to 0.5. Half a cell is kept
+    /// Clearance beyond the footprint that is never given up, metres. Default 0.03, range 0 to 0.5. Half a cell is kept
     /// in addition, because an obstacle may begin at its cell's border.
     #[schemars(range(min = 0.0, max = 0.5))]
     pub margin_m: f64,
@@ -48,7 +48,7 @@ impl Default for CostmapConfig {
     fn default() -> Self {
         Self {
             footprint_radius_m: 0.27,
-            margin_m: 0.01,
+            margin_m: 0.03,
             inflation_m: 0.35,
             obstacle_weight: 6.0,
             unknown: UnknownPolicy::Forbidden,
