@@ -3,7 +3,7 @@
 use crate::agent::{Agent, Halt};
 use crate::episode::{SkillName, Step};
 use crate::skills::Outcome;
-use crate::skills::explore::Explorer;
+use crate::skills::explore::{Explorer, Interest};
 use crate::skills::grasp::{GraspSettings, grasp};
 use crate::skills::navigate::{navigate_to_object, navigate_to_room};
 use crate::skills::search::search;
@@ -15,7 +15,7 @@ use dsm_robot::nav::NavConfig;
 use std::sync::Arc;
 
 /// Simulated time that is kept for acting when exploration could go on for ever.
-const TIME_TO_ACT: Span = Span(75_000_000_000);
+const TIME_TO_ACT: Span = Span(60_000_000_000);
 
 /// Carries out the steps of an episode.
 pub struct Executor {
@@ -114,7 +114,8 @@ impl Executor {
         match command.action {
             Action::Explore => {
                 let end = agent.deadline();
-                let outcome = self.explorer.run(agent, end, &mut |_| false)?;
+                let outcome =
+                    self.explorer.run(agent, end, Interest { enough: &mut |_| false, inspect: &|_| Vec::new() })?;
                 Ok(done("explore", format!("exploration ends: {outcome:?}"), None))
             }
             Action::Place | Action::Bring => {
@@ -131,7 +132,7 @@ impl Executor {
             _ => "find",
         };
         let end = Stamp(agent.deadline().0 - TIME_TO_ACT.0);
-        let grounding = search(agent, &mut self.explorer, &self.grounder, &command.target, end)?;
+        let grounding = search(agent, &mut self.explorer, &self.grounder, &self.knowledge, &command.target, end)?;
         let now_s = agent.now().as_s();
         agent.journal.note(
             now_s,

@@ -2,10 +2,12 @@
 
 use super::drive::{Drive, DriveOutcome};
 use crate::agent::{Agent, Gaze, Halt};
-use dsm::map::{CellState, FreeSpace, Map};
+use dsm::Pose;
+use dsm::map::{CellState, FreeSpace, Map, ObjectId};
 use dsm::time::{Span, Stamp};
-use dsm_robot::nav::{Costmap, CoverageGrid, Field, FrontierMemory, NavConfig, Pose2, find_frontiers};
-use nalgebra::Point2;
+use dsm_robot::nav::{Costmap, CoverageGrid, Field, FrontierMemory, NavConfig, Pose2, find_frontiers, find_view_poses};
+use nalgebra::{Point2, Point3, Vector3};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Tilt of the head for looking into a room, radians.
@@ -31,9 +33,19 @@ pub struct Explorer {
     coverage: CoverageGrid,
     views_noted: usize,
     looked_around: bool,
+    inspected: BTreeSet<ObjectId>,
+}
+
+/// What an explorer is told to care about.
+pub struct Interest<'a> {
+    /// Whether the caller has seen enough.
+    pub enough: &'a mut dyn FnMut(&Arc<Map>) -> bool,
+    /// Objects that are worth a look from near before anything else.
+    pub inspect: &'a dyn Fn(&Map) -> Vec<ObjectId>,
 }
 
 enum Next {
+    Inspect(ObjectId, Pose2),
     Frontier(dsm_robot::nav::Frontier),
     Viewpoint(dsm_robot::nav::Viewpoint),
     Nothing,
@@ -43,16 +55,19 @@ impl Explorer {
     /// An explorer that has been nowhere.
     pub fn new(nav: NavConfig) -> Self {
         let coverage = CoverageGrid::default();
-        Self { nav, frontiers: FrontierMemory::default(), coverage, views_noted: 0, looked_around: false }
+        Self {
+            nav,
+            frontiers: FrontierMemory::default(),
+            coverage,
+            views_noted: 0,
+            looked_around: false,
+            inspected: BTreeSet::new(),
+        }
     }
 
-    /// Explores until `enough` says so, nothing is left, or `end` comes.
-    pub fn run(
-        &mut self,
-        agent: &mut Agent,
-        end: Stamp,
-        enough: &mut dyn FnMut(&Arc<Map>) -> bool,
-    ) -> Result<ExploreOutcome, Halt> {
+    /// Explores until the caller has seen enough, nothing is left, or `end` comes.
+    pub fn run(&mut self, agent: &mut Agent, end: Stamp, interest: Interest<'_>) -> Result<ExploreOutcome, Halt> {
+        let Interest { enough, inspect } = interest;
         if !self.looked_around {
             // Into the room, then at the floor around the base, which a level view does not show.
             look_around(agent, 2.6)?;
@@ -65,8 +80,20 @@ impl Explorer {
             if agent.now() >= end {
                 return Ok(ExploreOutcome::TimeUp);
             }
-            let next = self.choose(agent)?;
+            let next = self.choose(agent, inspect)?;
             match next {
+                Next::Inspect(id, stand) => {
+                    agent.note(format!("a look at object {}", id.0));
+                    self.inspected.insert(id);
+                    agent.gaze = Gaze::AROUND;
+                    let drive = Drive::to_place(&self.nav, stand.position).until(end).stop_when(enough);
+                    if drive.run(agent)? == DriveOutcome::Enough {
+                        return Ok(ExploreOutcome::Enough);
+                    }
+                    if let Some(bounds) = agent.map().find_object(id).map(|o| o.bounds) {
+                        look_towards(agent, &bounds.center.xy())?;
+                    }
+                }
                 Next::Frontier(frontier) => {
                     let center = frontier.center;
                     agent.note(format!("frontier at ({:.1}, {:.1})", center.x, center.y));
@@ -103,11 +130,18 @@ impl Explorer {
         }
     }
 
-    fn choose(&mut self, agent: &mut Agent) -> Result<Next, Halt> {
+    fn choose(&mut self, agent: &mut Agent, inspect: &dyn Fn(&Map) -> Vec<ObjectId>) -> Result<Next, Halt> {
         let map = agent.map().clone();
         let views = &agent.journal.views;
         let new_views = views[self.views_noted..].to_vec();
         self.views_noted = views.len();
+        let wanted = inspect(&map);
+        for id in &wanted {
+            if map.find_object(*id).is_some_and(|o| new_views.iter().any(|view| is_near(view, &o.bounds.center))) {
+                self.inspected.insert(*id);
+            }
+        }
+        let wanted: Vec<ObjectId> = wanted.into_iter().filter(|id| !self.inspected.contains(id)).collect();
         let start = Pose2::from_pose(&agent.world_from_base()?).position;
         let (nav, memory) = (self.nav.clone(), self.frontiers.clone());
         let mut coverage = std::mem::take(&mut self.coverage);
@@ -117,6 +151,14 @@ impl Explorer {
                 coverage.observe(&costmap, world_from_camera, &nav.coverage);
             }
             let field = Field::from_start(&costmap, &start);
+            let looks = wanted.iter().filter_map(|id| {
+                let bounds = map.find_object(*id)?.bounds;
+                let place = find_view_poses(&map, &costmap, &field, &bounds, &nav.goal).into_iter().next()?;
+                Some((place.path_length_m, *id, place.pose))
+            });
+            if let Some((_, id, pose)) = looks.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                return (Next::Inspect(id, pose), coverage);
+            }
             let frontier = find_frontiers(&costmap, &field, &memory, &nav.frontier).into_iter().next();
             let next = frontier.map(Next::Frontier).unwrap_or_else(|| {
                 let views = coverage.find_viewpoints(&map, &costmap, &field, &nav.coverage);
@@ -127,6 +169,14 @@ impl Explorer {
         self.coverage = coverage;
         Ok(next)
     }
+}
+
+/// Whether a camera looks at a place from near.
+fn is_near(world_from_camera: &Pose, place: &Point3<f64>) -> bool {
+    const NEAR_M: f64 = 1.8;
+    const HALF_ANGLE_RAD: f64 = 0.4;
+    let p = world_from_camera.inverse_transform_point(place);
+    p.coords.norm() < NEAR_M && p.coords.angle(&Vector3::z()) < HALF_ANGLE_RAD
 }
 
 /// Whether nothing unknown is left around a frontier.

@@ -1,8 +1,10 @@
 //! Search: explore until the words point at one thing, or until all has been seen.
 
-use super::explore::{ExploreOutcome, Explorer};
+use super::explore::{ExploreOutcome, Explorer, Interest};
 use crate::agent::{Agent, Halt};
 use dsm::ground::{Grounder, Grounding, GroundingStatus};
+use dsm::knowledge::Knowledge;
+use dsm::map::{AttributeKind, Map, MapObject, ObjectId};
 use dsm::time::{Span, Stamp};
 use std::sync::Arc;
 
@@ -18,12 +20,13 @@ pub fn search(
     agent: &mut Agent,
     explorer: &mut Explorer,
     grounder: &Arc<Grounder>,
+    knowledge: &Knowledge,
     text: &str,
     end: Stamp,
 ) -> Result<Grounding, Halt> {
     let mut grounded_at = Stamp(i64::MIN / 2);
     let mut same_since: Option<(Stamp, Option<u64>, Option<u32>)> = None;
-    let mut enough = |map: &Arc<dsm::map::Map>| {
+    let mut enough = |map: &Arc<Map>| {
         if map.stamp - grounded_at < GROUND_EVERY {
             return false;
         }
@@ -46,7 +49,9 @@ pub fn search(
             }
         }
     };
-    let outcome = explorer.run(agent, end, &mut enough)?;
+    let named = named_in(knowledge, text);
+    let inspect = |map: &Map| named.find_in(map);
+    let outcome = explorer.run(agent, end, Interest { enough: &mut enough, inspect: &inspect })?;
     let now_s = agent.now().as_s();
     if outcome != ExploreOutcome::Enough {
         agent.journal.note(now_s, format!("exploration ends: {outcome:?}"), None);
@@ -54,4 +59,35 @@ pub fn search(
     let viewer = agent.world_from_base()?;
     let (map, grounder, text) = (agent.map().clone(), grounder.clone(), text.to_owned());
     agent.plan(move || grounder.ground(&map, &text, Some(&viewer)))
+}
+
+/// Categories and colours that a sentence mentions.
+struct Named {
+    categories: Vec<String>,
+    colors: Vec<String>,
+}
+
+/// Where a sentence says that something is, it is worth to look from near: a small thing on a white shelf is only found
+/// by looking at white shelves.
+fn named_in(knowledge: &Knowledge, text: &str) -> Named {
+    let words: Vec<String> =
+        text.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).map(str::to_lowercase).collect();
+    let pairs = words.windows(2).map(|pair| pair.join(" "));
+    let category = |word: String| knowledge.find_exact(&word).map(|category| category.name.clone());
+    let categories = pairs.chain(words.iter().cloned()).filter_map(category).collect();
+    let colors = &knowledge.words().colors;
+    let colors = words.iter().filter_map(|word| colors.find(word)).map(str::to_owned).collect();
+    Named { categories, colors }
+}
+
+impl Named {
+    /// Objects of the map with a name of the sentence, and one of its colours if it has any.
+    fn find_in(&self, map: &Map) -> Vec<ObjectId> {
+        let fits = |object: &&MapObject| {
+            let color = object.attributes.find(AttributeKind::Appearance, "color").unwrap_or("");
+            self.categories.iter().any(|category| category == object.name())
+                && (self.colors.is_empty() || self.colors.iter().any(|c| c == color))
+        };
+        map.stable_objects().filter(fits).map(|object| object.id).collect()
+    }
 }
