@@ -2,7 +2,7 @@
 
 use super::explore::{ExploreOutcome, Explorer};
 use crate::agent::{Agent, Halt};
-use dsm::ground::{Grounder, Grounding, GroundingStatus};
+use dsm::ground::{Article, Grounder, Grounding, GroundingStatus, Query, RelationWord};
 use dsm::time::{Span, Stamp};
 use std::sync::Arc;
 
@@ -13,12 +13,34 @@ const SURE_FOR: Span = Span(3_000_000_000);
 /// Words are grounded this often while exploring.
 const GROUND_EVERY: Span = Span(1_000_000_000);
 
+/// How much is looked at before an answer counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Thoroughness {
+    /// Until the words point at one thing.
+    Enough,
+    /// All that can be reached.
+    Everything,
+}
+
+/// Whether words can point at one thing before all has been seen: not when nothing is said about it but its name, nor
+/// when it is said by comparison with everything else.
+fn can_be_settled_early(query: &Query) -> bool {
+    let target = &query.target;
+    let compares = target.relations.iter().any(|relation| {
+        matches!(relation.word, RelationWord::Closest | RelationWord::Farthest | RelationWord::Between)
+    });
+    let says_more = !target.attributes.is_empty() || !target.relations.is_empty();
+    let any_will_do = target.article == Article::Indefinite;
+    target.selections.is_empty() && !compares && (says_more || any_will_do)
+}
+
 /// Grounds `text`, exploring as long as the answer is not sure and something is left to see before `end`.
 pub fn search(
     agent: &mut Agent,
     explorer: &mut Explorer,
     grounder: &Arc<Grounder>,
     text: &str,
+    thoroughness: Thoroughness,
     end: Stamp,
 ) -> Result<Grounding, Halt> {
     let mut grounded_at = Stamp(i64::MIN / 2);
@@ -35,6 +57,10 @@ pub fn search(
         // A room is only known when the flat is.
         if grounding.status != GroundingStatus::Found || grounding.score < SURE_SCORE || grounding.room_id.is_some() {
             same_since = None;
+            return false;
+        }
+        let early = grounding.query.as_ref().is_some_and(can_be_settled_early);
+        if thoroughness == Thoroughness::Everything || !early {
             return false;
         }
         let target = (grounding.object_id.map(|id| id.0), grounding.room_id.map(|id| id.0));
