@@ -20,6 +20,9 @@ use std::sync::Arc;
 /// Simulated time that is kept for acting when exploration could go on for ever.
 const TIME_TO_ACT: Span = Span(75_000_000_000);
 
+/// Further time that is kept for putting down what was grasped.
+const TIME_TO_PLACE: Span = Span(75_000_000_000);
+
 /// Carries out the steps of an episode.
 pub struct Executor {
     nav: NavConfig,
@@ -39,6 +42,9 @@ pub struct Account {
     /// Why the run was cut short.
     pub halt: Option<Halt>,
 }
+
+/// Name of the skill that puts things down.
+const PLACE: &str = "place";
 
 struct Done {
     outcome: StepOutcome,
@@ -154,7 +160,8 @@ impl Executor {
         text: &str,
         thoroughness: Thoroughness,
     ) -> Result<Result<Grounding, Box<Done>>, Halt> {
-        let end = Stamp(agent.deadline().0 - TIME_TO_ACT.0);
+        let kept = if skill == PLACE { Span(TIME_TO_ACT.0 + TIME_TO_PLACE.0) } else { TIME_TO_ACT };
+        let end = Stamp(agent.deadline().0 - kept.0);
         let grounding = search(agent, &mut self.explorer, &self.grounder, text, thoroughness, end)?;
         let now_s = agent.now().as_s();
         agent.journal.note(now_s, format!("`{text}` is {:?}: {}", grounding.status, grounding.decided_by), None);
@@ -209,11 +216,10 @@ impl Executor {
 
     /// Finds the object and the place, grasps the one and puts it on the other.
     fn fetch_and_place(&mut self, agent: &mut Agent, command: &Command) -> Result<Done, Halt> {
-        const SKILL: &str = "place";
         let start = Pose2::from_pose(&agent.world_from_base()?);
         // Both are found before the hand is full.
         let destination = match &command.destination {
-            Some(words) => match self.find(agent, SKILL, words, Thoroughness::Enough)? {
+            Some(words) => match self.find(agent, PLACE, words, Thoroughness::Enough)? {
                 Ok(grounding) => Some(grounding),
                 Err(refused) => return Ok(*refused),
             },
@@ -221,29 +227,29 @@ impl Executor {
         };
         let mut grounding = None;
         if !command.target.is_empty() {
-            let found = match self.find(agent, SKILL, &command.target, Thoroughness::Enough)? {
+            let found = match self.find(agent, PLACE, &command.target, Thoroughness::Enough)? {
                 Ok(found) => found,
                 Err(refused) => return Ok(*refused),
             };
             let Some(id) = found.object_id else {
-                return Ok(failed(SKILL, Stage::Grounding, "a room cannot be grasped".into(), Some(found)));
+                return Ok(failed(PLACE, Stage::Grounding, "a room cannot be grasped".into(), Some(found)));
             };
             let done = self.grasp(agent, command, found, id)?;
             if done.outcome != StepOutcome::Done {
-                return Ok(Done { skill: SKILL, ..done });
+                return Ok(Done { skill: PLACE, ..done });
             }
             grounding = done.grounding;
         }
         let Some(held) = self.held.clone() else {
-            return Ok(failed(SKILL, Stage::Hold, "the hand holds nothing".into(), destination));
+            return Ok(failed(PLACE, Stage::Hold, "the hand holds nothing".into(), destination));
         };
         let outcome = match carry(agent, &held, &self.grasping)? {
             Outcome::Done(_) => self.deliver(agent, &held, destination.as_ref(), start)?,
             failure => failure,
         };
         Ok(match (outcome, grounding.or(destination)) {
-            (Outcome::Done(reason), grounding) => done(SKILL, reason, grounding),
-            (Outcome::Failed(stage, reason), grounding) => failed(SKILL, stage, reason, grounding),
+            (Outcome::Done(reason), grounding) => done(PLACE, reason, grounding),
+            (Outcome::Failed(stage, reason), grounding) => failed(PLACE, stage, reason, grounding),
         })
     }
 
