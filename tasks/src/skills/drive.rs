@@ -98,6 +98,8 @@ impl<'a> Drive<'a> {
                     }
                     if reason == BlockReason::Stalled {
                         come_free(agent)?;
+                        // What the follower commanded before does not hold any more.
+                        follower = Follower::new(self.nav.follower.clone(), follower.path().clone());
                     }
                     agent.rest(Span::from_s(0.5))?;
                     planned_at = Stamp(now.0 - REPLAN_EVERY.0);
