@@ -10,6 +10,8 @@ use std::sync::Arc;
 const SURE_SCORE: f32 = 0.5;
 /// ... and that has pointed at the same thing for this long.
 const SURE_FOR: Span = Span(3_000_000_000);
+/// ... and that was seen in so many frames: attributes of what was glimpsed are not worth much.
+const SURE_OBSERVATIONS: u32 = 12;
 /// Words are grounded this often while exploring.
 const GROUND_EVERY: Span = Span(1_000_000_000);
 
@@ -60,7 +62,8 @@ pub fn search(
             return false;
         }
         let early = grounding.query.as_ref().is_some_and(can_be_settled_early);
-        if thoroughness == Thoroughness::Everything || !early {
+        let seen = grounding.object_id.and_then(|id| map.find_object(id)).map_or(0, |object| object.observations);
+        if thoroughness == Thoroughness::Everything || !early || seen < SURE_OBSERVATIONS {
             return false;
         }
         let target = (grounding.object_id.map(|id| id.0), grounding.room_id.map(|id| id.0));
