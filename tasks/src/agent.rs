@@ -10,6 +10,7 @@ use crate::perception::Perception;
 use dsm::Pose;
 use dsm::build::Carrier;
 use dsm::frame::RgbdFrame;
+use dsm::geometry::OrientedBox;
 use dsm::map::Map;
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::{DriverError, JointState, Robot, Twist};
@@ -121,6 +122,10 @@ pub struct Agent {
     /// Where the head looks.
     pub gaze: Gaze,
     grip: Option<(f64, f64)>,
+    /// Box around what the hand holds, tool frame: it belongs to the robot and is left out of the map.
+    pub held: Option<OrientedBox>,
+    /// Where the base was held up by something that the map does not show, world frame.
+    pub bumps: Vec<Point2<f64>>,
     frames: BTreeMap<String, Seen>,
     /// What happened, for the report.
     pub journal: Journal,
@@ -159,6 +164,8 @@ impl Agent {
             watched: vec!["head".into()],
             gaze: Gaze::AHEAD,
             grip: None,
+            held: None,
+            bumps: Vec::new(),
             frames: BTreeMap::new(),
             journal: Journal::default(),
         }
@@ -204,8 +211,15 @@ impl Agent {
         let frame = Arc::new(frame);
         let configuration = self.configuration()?;
         let world_from_base = self.world_from_base()?;
+        let mut bodies = self.model.link_boxes(&configuration, &world_from_base);
+        bodies.extend(self.held.map(|held| {
+            let base_from_tool = self.model.kinematics.root_from_link(&configuration, self.model.tool);
+            let world_from_held = world_from_base * base_from_tool * held.world_from_box();
+            let center = Point3::from(world_from_held.translation.vector);
+            OrientedBox { center, size: held.size, rotation: world_from_held.rotation }
+        }));
         let carrier = Carrier {
-            bodies: self.model.link_boxes(&configuration, &world_from_base),
+            bodies,
             footprint: Some((
                 Point2::from(world_from_base.translation.vector.xy()),
                 self.model.settings.base.footprint_radius_m,

@@ -3,19 +3,25 @@
 use crate::agent::{Agent, Halt};
 use crate::episode::{SkillName, Step};
 use crate::skills::Outcome;
+use crate::skills::drive::{Drive, DriveOutcome};
 use crate::skills::explore::{Explorer, Interest};
 use crate::skills::grasp::{GraspSettings, grasp};
 use crate::skills::navigate::{navigate_to_object, navigate_to_room};
-use crate::skills::search::search;
+use crate::skills::place::{Held, Standing, carry, place};
+use crate::skills::search::{Thoroughness, search};
 use crate::summary::{Failure, Stage, StepOutcome, StepSummary};
 use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, parse_command};
 use dsm::knowledge::Knowledge;
+use dsm::map::ObjectId;
 use dsm::time::{Span, Stamp};
-use dsm_robot::nav::NavConfig;
+use dsm_robot::nav::{NavConfig, Pose2};
 use std::sync::Arc;
 
 /// Simulated time that is kept for acting when exploration could go on for ever.
 const TIME_TO_ACT: Span = Span(60_000_000_000);
+
+/// Further time that is kept for putting down what was grasped.
+const TIME_TO_PLACE: Span = Span(75_000_000_000);
 
 /// Carries out the steps of an episode.
 pub struct Executor {
@@ -24,6 +30,7 @@ pub struct Executor {
     grounder: Arc<Grounder>,
     knowledge: Arc<Knowledge>,
     explorer: Explorer,
+    held: Option<Held>,
 }
 
 /// The account of all steps, and why the run was cut short if it was.
@@ -35,6 +42,9 @@ pub struct Account {
     /// Why the run was cut short.
     pub halt: Option<Halt>,
 }
+
+/// Name of the skill that puts things down.
+const PLACE: &str = "place";
 
 struct Done {
     outcome: StepOutcome,
@@ -48,7 +58,7 @@ impl Executor {
     /// An executor that has been nowhere.
     pub fn new(nav: NavConfig, grasping: GraspSettings, grounder: Arc<Grounder>, knowledge: Arc<Knowledge>) -> Self {
         let explorer = Explorer::new(nav.clone());
-        Self { nav, grasping, grounder, knowledge, explorer }
+        Self { nav, grasping, grounder, knowledge, explorer, held: None }
     }
 
     /// Runs the steps in order; the first one that fails ends the run.
@@ -118,9 +128,7 @@ impl Executor {
                     self.explorer.run(agent, end, Interest { enough: &mut |_| false, inspect: &|_| Vec::new() })?;
                 Ok(done("explore", format!("exploration ends: {outcome:?}"), None))
             }
-            Action::Place | Action::Bring => {
-                Ok(failed("", Stage::Parsing, format!("{:?} is not supported yet", command.action), None))
-            }
+            Action::Place | Action::Bring => self.fetch_and_place(agent, &command),
             Action::Navigate | Action::Grasp | Action::Find => self.act(agent, &command),
         }
     }
@@ -131,39 +139,150 @@ impl Executor {
             Action::Navigate => "navigate",
             _ => "find",
         };
-        let end = Stamp(agent.deadline().0 - TIME_TO_ACT.0);
-        let grounding = search(agent, &mut self.explorer, &self.grounder, &self.knowledge, &command.target, end)?;
+        let grounding = match self.find(agent, skill, &command.target, Thoroughness::Enough)? {
+            Ok(grounding) => grounding,
+            Err(refused) => return Ok(*refused),
+        };
+        let outcome = match (command.action, grounding.object_id, grounding.room_id) {
+            (Action::Grasp, Some(id), _) => return self.grasp(agent, command, grounding, id),
+            (Action::Grasp, None, _) => Outcome::Failed(Stage::Grounding, "a room cannot be grasped".into()),
+            (Action::Navigate, Some(id), _) => navigate_to_object(agent, &self.nav, id)?,
+            (Action::Navigate, None, Some(room)) => navigate_to_room(agent, &self.nav, room)?,
+            _ => Outcome::Done("found".into()),
+        };
+        Ok(settled(skill, outcome, grounding))
+    }
+
+    /// What the words mean, or the refusal that answers them.
+    fn find(
+        &mut self,
+        agent: &mut Agent,
+        skill: &'static str,
+        text: &str,
+        thoroughness: Thoroughness,
+    ) -> Result<Result<Grounding, Box<Done>>, Halt> {
+        let kept = if skill == PLACE { Span(TIME_TO_ACT.0 + TIME_TO_PLACE.0) } else { TIME_TO_ACT };
+        let end = Stamp(agent.deadline().0 - kept.0);
+        let grounding = search(agent, &mut self.explorer, &self.grounder, &self.knowledge, text, thoroughness, end)?;
         let now_s = agent.now().as_s();
-        agent.journal.note(
-            now_s,
-            format!("`{}` is {:?}: {}", command.target, grounding.status, grounding.decided_by),
-            None,
-        );
-        let refuse = |outcome, grounding: Grounding| Done {
-            outcome,
-            reason: grounding.decided_by.clone(),
-            skill,
-            grounding: Some(grounding),
-            stage: None,
+        agent.journal.note(now_s, format!("`{text}` is {:?}: {}", grounding.status, grounding.decided_by), None);
+        let refuse = |outcome, grounding: Grounding| {
+            let reason = grounding.decided_by.clone();
+            Err(Box::new(Done { outcome, reason, skill, grounding: Some(grounding), stage: None }))
         };
-        let outcome = match grounding.status {
-            GroundingStatus::Absent => return Ok(refuse(StepOutcome::Absent, grounding)),
-            GroundingStatus::Ambiguous => return Ok(refuse(StepOutcome::Ambiguous, grounding)),
+        Ok(match grounding.status {
+            GroundingStatus::Absent => refuse(StepOutcome::Absent, grounding),
+            GroundingStatus::Ambiguous => refuse(StepOutcome::Ambiguous, grounding),
             GroundingStatus::Unparsed => {
-                return Ok(failed(skill, Stage::Parsing, grounding.decided_by.clone(), Some(grounding)));
+                let reason = grounding.decided_by.clone();
+                Err(Box::new(failed(skill, Stage::Parsing, reason, Some(grounding))))
             }
-            GroundingStatus::Found => match (command.action, grounding.object_id, grounding.room_id) {
-                (Action::Grasp, Some(id), _) => grasp(agent, &self.nav, &self.grasping, id)?,
-                (Action::Navigate, Some(id), _) => navigate_to_object(agent, &self.nav, id)?,
-                (Action::Navigate, None, Some(room)) => navigate_to_room(agent, &self.nav, room)?,
-                (Action::Grasp, None, _) => Outcome::Failed(Stage::Grounding, "a room cannot be grasped".into()),
-                _ => Outcome::Done("found".into()),
-            },
-        };
-        Ok(match outcome {
-            Outcome::Done(reason) => done(skill, reason, Some(grounding)),
-            Outcome::Failed(stage, reason) => failed(skill, stage, reason, Some(grounding)),
+            GroundingStatus::Found => Ok(grounding),
         })
+    }
+
+    /// Grasps; when no place to grasp from is known, the rest of the flat is explored and the words are read again.
+    fn grasp(
+        &mut self,
+        agent: &mut Agent,
+        command: &Command,
+        grounding: Grounding,
+        id: ObjectId,
+    ) -> Result<Done, Halt> {
+        let (outcome, grounding) = match self.grasp_and_weigh(agent, id)? {
+            Outcome::Failed(Stage::Planning, reason) => {
+                agent.note(format!("explores on, because the grasp failed: {reason}"));
+                let grounding = match self.find(agent, "grasp", &command.target, Thoroughness::Everything)? {
+                    Ok(grounding) => grounding,
+                    Err(refused) => return Ok(*refused),
+                };
+                match grounding.object_id {
+                    Some(id) => (self.grasp_and_weigh(agent, id)?, grounding),
+                    None => (Outcome::Failed(Stage::Grounding, "a room cannot be grasped".into()), grounding),
+                }
+            }
+            outcome => (outcome, grounding),
+        };
+        Ok(settled("grasp", outcome, grounding))
+    }
+
+    fn grasp_and_weigh(&mut self, agent: &mut Agent, id: ObjectId) -> Result<Outcome, Halt> {
+        let standing = Standing::of(agent.map(), id);
+        let outcome = grasp(agent, &self.nav, &self.grasping, id)?;
+        if let (Outcome::Done(_), Some(standing)) = (&outcome, standing) {
+            self.held = Some(standing.lifted(agent, &self.grasping)?);
+        }
+        Ok(outcome)
+    }
+
+    /// Finds the object and the place, grasps the one and puts it on the other.
+    fn fetch_and_place(&mut self, agent: &mut Agent, command: &Command) -> Result<Done, Halt> {
+        let start = Pose2::from_pose(&agent.world_from_base()?);
+        // Both are found before the hand is full.
+        let destination = match &command.destination {
+            Some(words) => match self.find(agent, PLACE, words, Thoroughness::Enough)? {
+                Ok(grounding) => Some(grounding),
+                Err(refused) => return Ok(*refused),
+            },
+            None => None,
+        };
+        let mut grounding = None;
+        if !command.target.is_empty() {
+            let found = match self.find(agent, PLACE, &command.target, Thoroughness::Enough)? {
+                Ok(found) => found,
+                Err(refused) => return Ok(*refused),
+            };
+            let Some(id) = found.object_id else {
+                return Ok(failed(PLACE, Stage::Grounding, "a room cannot be grasped".into(), Some(found)));
+            };
+            let done = self.grasp(agent, command, found, id)?;
+            if done.outcome != StepOutcome::Done {
+                return Ok(Done { skill: PLACE, ..done });
+            }
+            grounding = done.grounding;
+        }
+        let Some(held) = self.held.clone() else {
+            return Ok(failed(PLACE, Stage::Hold, "the hand holds nothing".into(), destination));
+        };
+        let outcome = match carry(agent, &held, &self.grasping)? {
+            Outcome::Done(_) => self.deliver(agent, &held, destination.as_ref(), start)?,
+            failure => failure,
+        };
+        Ok(match (outcome, grounding.or(destination)) {
+            (Outcome::Done(reason), grounding) => done(PLACE, reason, grounding),
+            (Outcome::Failed(stage, reason), grounding) => failed(PLACE, stage, reason, grounding),
+        })
+    }
+
+    /// Puts what is held on the destination; without one, brings it to where the command was given.
+    fn deliver(
+        &mut self,
+        agent: &mut Agent,
+        held: &Held,
+        destination: Option<&Grounding>,
+        start: Pose2,
+    ) -> Result<Outcome, Halt> {
+        let Some(destination) = destination else {
+            return Ok(match Drive::to_place(&self.nav, start.position).run(agent)? {
+                DriveOutcome::Arrived => Outcome::Done("brought to where the command was given".into()),
+                other => Outcome::Failed(Stage::Planning, format!("the way back failed: {other:?}")),
+            });
+        };
+        let Some(surface) = destination.object_id else {
+            return Ok(Outcome::Failed(Stage::Grounding, "a room is not a surface; name one in it".into()));
+        };
+        let outcome = place(agent, &self.nav, &self.grasping, held, surface)?;
+        if agent.held.is_none() {
+            self.held = None;
+        }
+        Ok(outcome)
+    }
+}
+
+fn settled(skill: &'static str, outcome: Outcome, grounding: Grounding) -> Done {
+    match outcome {
+        Outcome::Done(reason) => done(skill, reason, Some(grounding)),
+        Outcome::Failed(stage, reason) => failed(skill, stage, reason, Some(grounding)),
     }
 }
 

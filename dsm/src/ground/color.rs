@@ -27,6 +27,10 @@ fn alike(a: [f64; 3], b: [f64; 3], lightness_weight: f64) -> f32 {
     (-squared / (ALIKE_DISTANCE * ALIKE_DISTANCE)).exp() as f32
 }
 
+/// Weight of lightness between words: light and exposure make white things gray and gray things black. Chosen so that
+/// white and gray stay alike by more than a constraint needs to hold, and white and black do not.
+const WORD_LIGHTNESS_WEIGHT: f64 = 0.32;
+
 /// How alike two canonical colour words are, 0 to 1; 0 for a word without prototype unless both are the same.
 pub(super) fn word_similarity(words: &Words, a: &str, b: &str) -> f32 {
     if a == b {
@@ -34,7 +38,7 @@ pub(super) fn word_similarity(words: &Words, a: &str, b: &str) -> f32 {
     }
     let find = |name: &str| words.prototypes.iter().find(|p| p.name == name).map(|p| lab_of(p.srgb.map(f64::from)));
     match (find(a), find(b)) {
-        (Some(a), Some(b)) => alike(a, b, 1.0),
+        (Some(a), Some(b)) => alike(a, b, WORD_LIGHTNESS_WEIGHT),
         _ => 0.0,
     }
 }
@@ -64,6 +68,7 @@ mod tests {
         assert!(word_similarity(words, "red", "blue") < 0.02);
         assert!(word_similarity(words, "white", "black") < 0.02);
         assert!(word_similarity(words, "white", "beige") > 0.25);
+        assert!(word_similarity(words, "white", "gray") > 0.3);
         assert!(fit(words, "red", [170.0, 30.0, 35.0]) > 0.95);
         assert!(fit(words, "green", [170.0, 30.0, 35.0]) < 0.05);
     }

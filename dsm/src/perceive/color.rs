@@ -158,7 +158,8 @@ fn name_of(l: f32, a: f32, b: f32) -> ColorName {
             }
         }
         h if h < 200.0 => ColorName::Green,
-        h if h < 298.0 => ColorName::Blue,
+        // The blue primary of sRGB itself lies at 306 degrees, purple things from 315 on.
+        h if h < 309.0 => ColorName::Blue,
         h if h < 330.0 => ColorName::Purple,
         _ => {
             if l > 62.0 {
@@ -185,6 +186,8 @@ mod tests {
             ([128, 128, 128], ColorName::Gray),
             ([40, 160, 60], ColorName::Green),
             ([40, 80, 200], ColorName::Blue),
+            ([20, 50, 200], ColorName::Blue),
+            ([0, 0, 255], ColorName::Blue),
             ([240, 220, 40], ColorName::Yellow),
             ([240, 140, 30], ColorName::Orange),
             ([120, 75, 40], ColorName::Brown),

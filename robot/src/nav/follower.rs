@@ -144,7 +144,6 @@ impl Follower {
     pub fn set_path(&mut self, path: Path) {
         self.path = path;
         self.leg = 0;
-        self.stalled_s = 0.0;
         self.phase = if self.command.forward_m_per_s > 0.05 { Phase::Drive } else { Phase::TurnToPath };
     }
 

@@ -1,11 +1,12 @@
 //! Driving to a pose: plan, follow, plan again while driving.
 
 use crate::agent::{Agent, Halt};
-use dsm::map::Map;
+use dsm::map::{CellState, Map};
 use dsm::time::{Span, Stamp};
+use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
-use dsm_robot::nav::{Costmap, FollowStatus, Follower, NavConfig, Path, PlanFailure, Pose2, find_path};
-use nalgebra::Point2;
+use dsm_robot::nav::{BlockReason, Costmap, FollowStatus, Follower, NavConfig, Path, PlanFailure, Pose2, find_path};
+use nalgebra::{Point2, Point3};
 use std::sync::Arc;
 
 /// The path is planned anew this often while driving.
@@ -95,6 +96,11 @@ impl<'a> Drive<'a> {
                     if trouble >= MAX_TROUBLE {
                         return Ok(DriveOutcome::Blocked(format!("{reason:?}")));
                     }
+                    if reason == BlockReason::Stalled {
+                        come_free(agent)?;
+                        // What the follower commanded before does not hold any more.
+                        follower = Follower::new(self.nav.follower.clone(), follower.path().clone());
+                    }
                     agent.rest(Span::from_s(0.5))?;
                     planned_at = Stamp(now.0 - REPLAN_EVERY.0);
                 }
@@ -134,11 +140,35 @@ impl<'a> Drive<'a> {
         let map = agent.map().clone();
         let start = Pose2::from_pose(&agent.world_from_base()?).position;
         let (config, goal, heading_rad) = (self.nav.costmap.clone(), self.goal, self.heading_rad);
+        let bumps = agent.bumps.clone();
         Ok(move || {
-            let costmap = Costmap::from_free_space(&map.free_space, &config);
+            let mut floor = map.free_space.clone();
+            for bump in &bumps {
+                floor.set(floor.cell_at(bump), CellState::Occupied);
+            }
+            let costmap = Costmap::from_free_space(&floor, &config);
             let path = find_path(&costmap, &start, &goal);
             let path = path.map(|path| Path { goal_yaw_rad: heading_rad, ..path });
             (costmap, path)
         })
     }
+}
+
+/// Something unseen holds the base up: remembers where, and drives a little the other way.
+fn come_free(agent: &mut Agent) -> Result<(), Halt> {
+    const SPEED_M_PER_S: f64 = 0.12;
+    const DURATION: Span = Span(1_500_000_000);
+    /// The thing is a little beyond the footprint, metres.
+    const BEYOND_M: f64 = 0.04;
+    let world_from_base = agent.world_from_base()?;
+    let radius_m = agent.model().settings.base.footprint_radius_m;
+    let ahead = world_from_base * Point3::new(radius_m + BEYOND_M, 0.0, 0.0);
+    agent.bumps.push(ahead.xy());
+    agent.note(format!("something unseen is in the way at ({:.2}, {:.2})", ahead.x, ahead.y));
+    let still = JointVelocities::zeros(&agent.model().arm.joints);
+    let end = agent.now() + DURATION;
+    while agent.now() < end {
+        agent.tick(Twist { forward_m_per_s: -SPEED_M_PER_S, turn_rad_per_s: 0.0 }, &still)?;
+    }
+    Ok(())
 }

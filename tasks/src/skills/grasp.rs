@@ -63,6 +63,9 @@ impl Default for GraspSettings {
 pub(super) const UNFOLD: &str = "carry_to_ready_down";
 const READY: [&str; 2] = ["ready_down", "ready_front"];
 
+/// Why a grasp is not even tried.
+const NO_PLACE: &str = "no place from which the object can be reached";
+
 /// A grasp with joints that reach it, in the frame of a standing base.
 struct Reach {
     grasp: GraspCandidate,
@@ -85,6 +88,10 @@ pub fn grasp(agent: &mut Agent, nav: &NavConfig, settings: &GraspSettings, id: O
                     picture.as_ref(),
                 );
                 last = (stage, reason);
+                if stage == Stage::Planning && last.1 == NO_PLACE {
+                    // Nothing has moved, and asking again gives the same answer.
+                    break;
+                }
                 retreat(agent)?;
             }
         }
@@ -107,7 +114,7 @@ fn try_grasp(
     };
     let approaches = choose_approaches(agent, nav, settings, id)?;
     let Some(approach) = approaches.get(attempt.min(approaches.len().saturating_sub(1))).cloned() else {
-        return Ok(Err((Stage::Planning, "no place from which the object can be reached".into())));
+        return Ok(Err((Stage::Planning, NO_PLACE.into())));
     };
     agent.gaze = Gaze::AHEAD;
     let arrived = Drive::to_pose(nav, approach.unfold_at).run(agent)?;
@@ -225,7 +232,7 @@ fn obstacles_now(agent: &mut Agent, id: ObjectId) -> Result<Vec<Obstacle>, Halt>
     Ok(find_obstacles(agent.map(), &world_from_base, Some(id)))
 }
 
-fn finger_links(model: &RobotModel) -> Vec<dsm_robot::model::LinkId> {
+pub(super) fn finger_links(model: &RobotModel) -> Vec<dsm_robot::model::LinkId> {
     let names = &model.settings.gripper.finger_links;
     names.iter().filter_map(|name| model.kinematics.find_link(name)).collect()
 }
@@ -235,7 +242,7 @@ fn points_of(map: &Map, id: ObjectId) -> Vec<Point3<f64>> {
 }
 
 /// Postures from which inverse kinematics is searched.
-fn seeds(model: &RobotModel) -> Vec<JointPositions> {
+pub(super) fn seeds(model: &RobotModel) -> Vec<JointPositions> {
     READY.iter().filter_map(|name| model.find_posture(name)).collect()
 }
 
@@ -399,7 +406,7 @@ fn share_still_there(agent: &Agent, before: &[Point3<f64>]) -> f64 {
 }
 
 /// Opens the hand, backs off with arm and base, and folds the arm, best effort.
-fn retreat(agent: &mut Agent) -> Result<(), Halt> {
+pub(super) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
     const BACK_M: f64 = 0.45;
     const SPEED_M_PER_S: f64 = 0.15;
     let opening_m = agent.model().settings.gripper.max_aperture_m;
@@ -424,7 +431,7 @@ fn retreat(agent: &mut Agent) -> Result<(), Halt> {
 }
 
 /// Drives straight back, as far as the map says that there is floor.
-fn back_off(agent: &mut Agent, distance_m: f64, speed_m_per_s: f64) -> Result<(), Halt> {
+pub(super) fn back_off(agent: &mut Agent, distance_m: f64, speed_m_per_s: f64) -> Result<(), Halt> {
     let still = JointVelocities::zeros(&agent.model().arm.joints);
     let start = agent.odom_from_base()?;
     let radius_m = agent.model().settings.base.footprint_radius_m;

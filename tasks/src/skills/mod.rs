@@ -8,7 +8,9 @@ pub mod explore;
 pub mod grasp;
 pub mod navigate;
 pub mod obstacles;
+pub mod place;
 pub mod search;
+pub mod spots;
 
 use crate::summary::Stage;
 

@@ -2,7 +2,7 @@
 
 use super::explore::{ExploreOutcome, Explorer, Interest};
 use crate::agent::{Agent, Halt};
-use dsm::ground::{Grounder, Grounding, GroundingStatus};
+use dsm::ground::{Article, Grounder, Grounding, GroundingStatus, Query, RelationWord};
 use dsm::knowledge::Knowledge;
 use dsm::map::{AttributeKind, Map, MapObject, ObjectId};
 use dsm::time::{Span, Stamp};
@@ -12,8 +12,31 @@ use std::sync::Arc;
 const SURE_SCORE: f32 = 0.5;
 /// ... and that has pointed at the same thing for this long.
 const SURE_FOR: Span = Span(3_000_000_000);
+/// ... and that was seen in so many frames: attributes of what was glimpsed are not worth much.
+const SURE_OBSERVATIONS: u32 = 12;
 /// Words are grounded this often while exploring.
 const GROUND_EVERY: Span = Span(1_000_000_000);
+
+/// How much is looked at before an answer counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Thoroughness {
+    /// Until the words point at one thing.
+    Enough,
+    /// All that can be reached.
+    Everything,
+}
+
+/// Whether words can point at one thing before all has been seen: not when nothing is said about it but its name, nor
+/// when it is said by comparison with everything else.
+fn can_be_settled_early(query: &Query) -> bool {
+    let target = &query.target;
+    let compares = target.relations.iter().any(|relation| {
+        matches!(relation.word, RelationWord::Closest | RelationWord::Farthest | RelationWord::Between)
+    });
+    let says_more = !target.attributes.is_empty() || !target.relations.is_empty();
+    let any_will_do = target.article == Article::Indefinite;
+    target.selections.is_empty() && !compares && (says_more || any_will_do)
+}
 
 /// Grounds `text`, exploring as long as the answer is not sure and something is left to see before `end`.
 pub fn search(
@@ -22,6 +45,7 @@ pub fn search(
     grounder: &Arc<Grounder>,
     knowledge: &Knowledge,
     text: &str,
+    thoroughness: Thoroughness,
     end: Stamp,
 ) -> Result<Grounding, Halt> {
     let mut grounded_at = Stamp(i64::MIN / 2);
@@ -38,6 +62,11 @@ pub fn search(
         // A room is only known when the flat is.
         if grounding.status != GroundingStatus::Found || grounding.score < SURE_SCORE || grounding.room_id.is_some() {
             same_since = None;
+            return false;
+        }
+        let early = grounding.query.as_ref().is_some_and(can_be_settled_early);
+        let seen = grounding.object_id.and_then(|id| map.find_object(id)).map_or(0, |object| object.observations);
+        if thoroughness == Thoroughness::Everything || !early || seen < SURE_OBSERVATIONS {
             return false;
         }
         let target = (grounding.object_id.map(|id| id.0), grounding.room_id.map(|id| id.0));
@@ -84,9 +113,11 @@ impl Named {
     /// Objects of the map with a name of the sentence, and one of its colours if it has any.
     fn find_in(&self, map: &Map) -> Vec<ObjectId> {
         let fits = |object: &&MapObject| {
-            let color = object.attributes.find(AttributeKind::Appearance, "color").unwrap_or("");
+            let votes = object.attributes.find_votes(AttributeKind::Appearance, "color");
+            // Light changes how colours look, so that a tenth of the votes is worth a look.
+            let has = |color: &String| votes.is_some_and(|votes| votes.share(color) >= 0.1);
             self.categories.iter().any(|category| category == object.name())
-                && (self.colors.is_empty() || self.colors.iter().any(|c| c == color))
+                && (self.colors.is_empty() || self.colors.iter().any(has))
         };
         map.stable_objects().filter(fits).map(|object| object.id).collect()
     }

@@ -1,0 +1,405 @@
+//! Placing: fold the arm around what is held, drive to a free spot on a surface, lower, open, retreat, and look.
+
+use super::Outcome;
+use super::approach::{Approach, find_approaches};
+use super::arm::{ArmOutcome, ToolMove, fold, move_through, move_tool};
+use super::drive::{Drive, DriveOutcome};
+use super::grasp::{GraspSettings, UNFOLD, back_off, finger_links, retreat, seeds};
+use super::obstacles::find_obstacles;
+use super::spots::{Load, Spot, find_spots};
+use crate::agent::{Agent, Gaze, Halt};
+use crate::summary::Stage;
+use dsm::Pose;
+use dsm::geometry::OrientedBox;
+use dsm::map::{Map, ObjectId};
+use dsm::time::Span;
+use dsm_robot::control::{IkRequest, find_ik};
+use dsm_robot::grasp::{ApproachFrom, GraspScene};
+use dsm_robot::joints::JointPositions;
+use dsm_robot::model::collision::Obstacle;
+use dsm_robot::model::{Configuration, RobotModel};
+use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
+use nalgebra::{Point2, Point3, Translation3, UnitQuaternion, Vector3};
+
+/// Attempts before the skill gives up.
+const MAX_ATTEMPTS: usize = 3;
+/// The load is let go this far above the surface, metres.
+const LET_GO_ABOVE_M: f64 = 0.006;
+/// The load comes from this far above its place, metres.
+const ABOVE_M: f64 = 0.11;
+/// Distance backed off from the place of the grasp, metres.
+const BACK_M: f64 = 0.5;
+/// Speed of the base while it backs off, metres per second.
+const BACK_SPEED_M_PER_S: f64 = 0.15;
+/// Distances from a spot at which the base may stand, metres.
+const STAND_M: [f64; 7] = [0.62, 0.56, 0.68, 0.5, 0.74, 0.8, 0.86];
+/// Directions around a spot in which standing places are looked for.
+const DIRECTIONS: usize = 24;
+/// Turns of the hand about the vertical that are tried, radians.
+const TURNS_RAD: [f64; 5] = [0.0, 0.5, -0.5, 1.1, -1.1];
+
+/// What the hand holds and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Held {
+    /// The object, as the map knew it before the grasp.
+    pub id: ObjectId,
+    /// Its outline and height.
+    pub load: Load,
+    /// Height of the tool above the object's lowest point, metres.
+    pub tool_above_bottom_m: f64,
+    /// How the hand held it when it was grasped, base frame.
+    pub base_from_tool: UnitQuaternion<f64>,
+    /// Width between the fingers, metres.
+    pub width_m: f64,
+}
+
+/// An object as it stands before a grasp: what the hand will hide.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Standing {
+    id: ObjectId,
+    bounds: OrientedBox,
+    support_z_m: f64,
+}
+
+impl Standing {
+    /// The object in the map; `None` when the map does not hold it.
+    pub fn of(map: &Map, id: ObjectId) -> Option<Self> {
+        let bounds = map.find_object(id)?.bounds;
+        let support_z_m = GraspScene::from_map(map, id, ApproachFrom::Anywhere)?.support_z_m;
+        Some(Self { id, bounds, support_z_m })
+    }
+
+    /// What the hand holds after the grasp skill has lifted the object; from here on the object belongs to the robot
+    /// and is left out of the map.
+    pub fn lifted(&self, agent: &mut Agent, settings: &GraspSettings) -> Result<Held, Halt> {
+        let model = agent.model().clone();
+        let configuration = agent.configuration()?;
+        let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
+        let height_m = (self.bounds.top_m() - self.support_z_m).max(0.02);
+        let above_m = base_from_tool.translation.z - settings.planner.lift_m - self.support_z_m;
+        let tool_above_bottom_m = above_m.clamp(0.0, height_m + 0.05);
+        let radius_m = 0.55 * self.bounds.size.x.max(self.bounds.size.y);
+        let width_m = agent.grip_state()?.width_m;
+        let tool = base_from_tool.translation.vector;
+        let middle = Point3::new(tool.x, tool.y, tool.z - tool_above_bottom_m + 0.5 * height_m);
+        agent.held = Some(OrientedBox {
+            center: base_from_tool.inverse_transform_point(&middle),
+            size: Vector3::new(2.0 * radius_m + 0.05, 2.0 * radius_m + 0.05, height_m + 0.05),
+            rotation: base_from_tool.rotation.inverse(),
+        });
+        let load = Load { radius_m, height_m };
+        Ok(Held { id: self.id, load, tool_above_bottom_m, base_from_tool: base_from_tool.rotation, width_m })
+    }
+}
+
+/// Backs off from where the object was lifted and folds the arm around it, ready to drive anywhere.
+pub fn carry(agent: &mut Agent, held: &Held, settings: &GraspSettings) -> Result<Outcome, Halt> {
+    agent.gaze = Gaze::AHEAD;
+    back_off(agent, BACK_M, BACK_SPEED_M_PER_S)?;
+    let world_from_base = agent.world_from_base()?;
+    let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
+    let folded = fold(agent, UNFOLD, &obstacles)?;
+    if agent.grip_state()?.width_m < settings.min_width_m {
+        agent.held = None;
+        return Ok(Outcome::Failed(Stage::Hold, "the object slipped out of the fingers on the way".into()));
+    }
+    match folded {
+        ArmOutcome::Stuck { error_m, .. } if error_m > 0.2 => {
+            Ok(Outcome::Failed(Stage::Reach, format!("the arm cannot fold with the object; {error_m:.2} rad are left")))
+        }
+        _ => Ok(Outcome::Done("carries the object".into())),
+    }
+}
+
+/// Puts what is held on an object of the map. The arm is folded.
+pub fn place(
+    agent: &mut Agent,
+    nav: &NavConfig,
+    settings: &GraspSettings,
+    held: &Held,
+    surface: ObjectId,
+) -> Result<Outcome, Halt> {
+    let mut last = (Stage::Planning, "no attempt was made".to_owned());
+    for attempt in 0..MAX_ATTEMPTS {
+        match try_place(agent, nav, settings, held, surface, attempt)? {
+            Ok(reason) => return Ok(Outcome::Done(reason)),
+            Err((stage, reason)) => {
+                agent.note(format!("place attempt {attempt} failed ({stage:?}): {reason}"));
+                last = (stage, reason);
+                if agent.held.is_none() {
+                    break;
+                }
+                if let Outcome::Failed(stage, reason) = carry(agent, held, settings)? {
+                    last = (stage, reason);
+                    break;
+                }
+            }
+        }
+    }
+    Ok(Outcome::Failed(last.0, last.1))
+}
+
+type Attempt = Result<String, (Stage, String)>;
+
+fn try_place(
+    agent: &mut Agent,
+    nav: &NavConfig,
+    settings: &GraspSettings,
+    held: &Held,
+    surface: ObjectId,
+    attempt: usize,
+) -> Result<Attempt, Halt> {
+    // Where to stand, and which spot that is for.
+    let choices = choose_stands(agent, nav, held, surface)?;
+    let Some((spot, approach)) = choices.get(attempt.min(choices.len().saturating_sub(1))).cloned() else {
+        return Ok(Err((Stage::Planning, "no free spot on the surface can be reached".into())));
+    };
+    let at = spot.point;
+    agent.note(format!("a free spot at ({:.2}, {:.2}, {:.2})", at.x, at.y, at.z));
+    agent.gaze = Gaze::AHEAD;
+    let arrived = Drive::to_pose(nav, approach.unfold_at).run(agent)?;
+    if arrived != DriveOutcome::Arrived {
+        return Ok(Err((Stage::Planning, format!("the way to the surface failed: {arrived:?}"))));
+    }
+    agent.gaze = Gaze::Point(at);
+    let world_from_base = agent.world_from_base()?;
+    let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
+    if let ArmOutcome::Stuck { error_m, .. } = move_through(agent, &approach.postures, &obstacles)? {
+        return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
+    }
+    if approach.step_m() > 0.01 {
+        let mut slow = nav.clone();
+        slow.follower.max_speed_m_per_s = settings.step_speed_m_per_s;
+        let arrived = Drive::to_pose(&slow, approach.stand).run(agent)?;
+        if arrived != DriveOutcome::Arrived {
+            return Ok(Err((Stage::Planning, format!("the last step to the surface failed: {arrived:?}"))));
+        }
+    }
+    // Look again from here, and choose the spot for where the base really stands.
+    agent.rest(Span::from_s(1.2))?;
+    agent.note("before the surface");
+    let Some((spot, base_from_tool, joints)) = choose_spot(agent, held, surface, &at)? else {
+        return Ok(Err((Stage::Reach, "no free spot is within reach from here".into())));
+    };
+    // Over the spot, down, open.
+    let world_from_base = agent.world_from_base()?;
+    let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
+    let fingers = finger_links(agent.model());
+    let above = Translation3::new(0.0, 0.0, ABOVE_M) * base_from_tool;
+    let ways = [(above, settings.free_speed_m_per_s, 0.04), (base_from_tool, settings.approach_speed_m_per_s, 0.02)];
+    for (goal, speed_m_per_s, tolerance_m) in ways {
+        let way = ToolMove { goal, obstacles: &obstacles, touching: &fingers, speed_m_per_s, posture: Some(&joints) };
+        if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &way)?
+            && (error_m > tolerance_m || error_rad > 0.2)
+        {
+            return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the spot"))));
+        }
+    }
+    if agent.grip_state()?.width_m < settings.min_width_m {
+        agent.held = None;
+        return Ok(Err((Stage::Hold, "the object slipped out of the fingers on the way".into())));
+    }
+    let opening_m =
+        (held.width_m + settings.planner.opening_margin_m).min(agent.model().settings.gripper.max_aperture_m);
+    agent.grip(opening_m, 10.0);
+    agent.rest(Span::from_s(1.0))?;
+    agent.note("let go");
+    let back = ToolMove {
+        goal: base_from_tool * Translation3::new(0.0, 0.0, -ABOVE_M),
+        obstacles: &[],
+        touching: &fingers,
+        speed_m_per_s: settings.approach_speed_m_per_s,
+        posture: None,
+    };
+    move_tool(agent, &back)?;
+    agent.held = None;
+    retreat(agent)?;
+    // Verify by looking.
+    agent.gaze = Gaze::Point(spot.point + Vector3::new(0.0, 0.0, 0.5 * held.load.height_m));
+    agent.rest(Span::from_s(1.5))?;
+    agent.note("looks at what was put down");
+    let seen = count_points_on(agent, &spot, held);
+    if seen < MIN_POINTS_SEEN {
+        return Ok(Err((Stage::Place, format!("only {seen} points are seen where the object was put"))));
+    }
+    Ok(Ok(format!("put down; {seen} points are seen there")))
+}
+
+/// Depth points on the spot from which the object counts as seen there.
+const MIN_POINTS_SEEN: usize = 25;
+
+/// Points of the newest head frame over a spot, no higher than the load.
+fn count_points_on(agent: &Agent, spot: &Spot, held: &Held) -> usize {
+    let Some(seen) = agent.find_frame("head") else { return 0 };
+    let frame = &seen.frame;
+    let radius_m = held.load.radius_m + 0.04;
+    (0..frame.depth_m.len())
+        .filter_map(|pixel| Some(frame.world_from_camera * frame.find_point_in_camera(pixel)?))
+        .filter(|p| (p.xy() - spot.point.xy()).norm() < radius_m)
+        .filter(|p| p.z > spot.point.z + 0.015 && p.z < spot.point.z + held.load.height_m + 0.04)
+        .count()
+}
+
+/// Obstacles near the base, without the held object, its old place and what the map took for it in the hand.
+fn obstacles_but_held(agent: &mut Agent, world_from_base: &Pose, held: &Held) -> Result<Vec<Obstacle>, Halt> {
+    let model = agent.model().clone();
+    let configuration = agent.configuration()?;
+    let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
+    let hold = agent.held;
+    let mut obstacles = find_obstacles(agent.map(), world_from_base, Some(held.id));
+    obstacles.retain(|obstacle| match obstacle {
+        Obstacle::Ball { center_in_base, .. } => {
+            !hold.is_some_and(|b| b.contains(&base_from_tool.inverse_transform_point(center_in_base), 0.03))
+        }
+        Obstacle::Box { .. } => true,
+    });
+    Ok(obstacles)
+}
+
+/// The tool's pose in the base frame for putting the load on a spot, with the hand turned about the vertical.
+fn base_from_tool_on(world_from_base: &Pose, spot: &Spot, held: &Held, turn_rad: f64) -> Pose {
+    let at = world_from_base.inverse_transform_point(&spot.point);
+    let height_m = held.tool_above_bottom_m + LET_GO_ABOVE_M;
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn_rad);
+    Pose::from_parts(Translation3::new(at.x, at.y, at.z + height_m), turn * held.base_from_tool)
+}
+
+/// Joints that put the load on a spot from above; `None` out of reach.
+fn find_reach(
+    model: &RobotModel,
+    start: &Configuration,
+    obstacles: &[Obstacle],
+    base_from_tool: &Pose,
+) -> Option<JointPositions> {
+    let seeds = seeds(model);
+    let request = IkRequest { seeds: &seeds, restarts: 1, ..IkRequest::new(start) };
+    let joints = find_ik(model, base_from_tool, &request)?;
+    let near = [joints.clone()];
+    let above = Translation3::new(0.0, 0.0, ABOVE_M) * base_from_tool;
+    let request = IkRequest { seeds: &near, obstacles, restarts: 0, ..IkRequest::new(start) };
+    find_ik(model, &above, &request)?;
+    Some(joints)
+}
+
+/// Spots apart from each other, those with most room first.
+fn apart(spots: Vec<Spot>, spacing_m: f64, most: usize) -> Vec<Spot> {
+    let mut kept: Vec<Spot> = Vec::new();
+    for spot in spots {
+        if kept.len() < most && kept.iter().all(|other| (other.point - spot.point).norm() >= spacing_m) {
+            kept.push(spot);
+        }
+    }
+    kept
+}
+
+fn choose_stands(
+    agent: &mut Agent,
+    nav: &NavConfig,
+    held: &Held,
+    surface: ObjectId,
+) -> Result<Vec<(Spot, Approach)>, Halt> {
+    const MAX_SPOTS: usize = 24;
+    const MAX_STANDS: usize = 6;
+    let (map, model) = (agent.map().clone(), agent.model().clone());
+    let start = Pose2::from_pose(&agent.world_from_base()?).position;
+    let configuration = agent.configuration()?;
+    let (nav, held) = (nav.clone(), held.clone());
+    agent.plan(move || {
+        let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
+        let field = Field::from_start(&costmap, &start);
+        let spots = apart(find_spots(&map, surface, Some(held.id), &held.load), 0.1, MAX_SPOTS);
+        tracing::debug!("{} spots on object {}", spots.len(), surface.0);
+        let mut found = Vec::new();
+        for spot in spots {
+            let reaches = |stand: &Pose2| {
+                let world_from_base = stand.to_pose();
+                TURNS_RAD.iter().any(|turn| {
+                    let goal = base_from_tool_on(&world_from_base, &spot, &held, *turn);
+                    find_reach(&model, &configuration, &[], &goal).is_some()
+                })
+            };
+            let stands = stands_around(&costmap, &field, &spot.point.xy());
+            let stands: Vec<Pose2> = stands.into_iter().take(MAX_STANDS).filter(reaches).collect();
+            let approaches = find_approaches(&map, &model, &costmap, &field, &configuration, &stands, held.id);
+            let raised = approaches.into_iter().filter_map(|approach| {
+                let bottom_m = spot.point.z + held.tool_above_bottom_m;
+                Some((spot, raised_over(&model, &configuration, approach, bottom_m + 0.08)?))
+            });
+            found.extend(raised.take(1));
+            if found.len() >= MAX_ATTEMPTS {
+                break;
+            }
+        }
+        found
+    })
+}
+
+/// Standing places around a spot, cheapest first.
+fn stands_around(costmap: &Costmap, field: &Field, spot: &Point2<f64>) -> Vec<Pose2> {
+    let mut stands: Vec<(f64, Pose2)> = Vec::new();
+    for distance_m in STAND_M {
+        for i in 0..DIRECTIONS {
+            let angle = i as f64 * std::f64::consts::TAU / DIRECTIONS as f64;
+            let position = spot + distance_m * nalgebra::Vector2::new(angle.cos(), angle.sin());
+            let Some(length_m) = field.find_length_to_m(&position) else { continue };
+            if costmap.is_traversable_at(&position) {
+                let cost = length_m + 4.0 * (distance_m - STAND_M[0]).abs();
+                stands.push((cost, Pose2::facing(position, spot)));
+            }
+        }
+    }
+    stands.sort_by(|a, b| a.0.total_cmp(&b.0));
+    stands.into_iter().map(|(_, stand)| stand).collect()
+}
+
+/// The approach with the lift high enough that the tool passes over `tool_z_m`; `None` beyond the lift's travel.
+fn raised_over(
+    model: &RobotModel,
+    configuration: &Configuration,
+    mut approach: Approach,
+    tool_z_m: f64,
+) -> Option<Approach> {
+    let last = approach.postures.last_mut()?;
+    let mut ready = configuration.clone();
+    ready.apply(last);
+    let missing_m = tool_z_m - model.kinematics.root_from_link(&ready, model.tool).translation.z;
+    if missing_m > 0.0 {
+        let (lift, limits) = (model.arm.joints.first()?, model.arm.limits.first()?);
+        let index = last.names().iter().position(|name| name == lift)?;
+        let raised = last.values()[index] + missing_m;
+        if raised > limits.upper {
+            return None;
+        }
+        last.values_mut()[index] = raised;
+    }
+    Some(approach)
+}
+
+/// The spot for where the base stands: near the one that was planned, with joints that reach it.
+fn choose_spot(
+    agent: &mut Agent,
+    held: &Held,
+    surface: ObjectId,
+    planned: &Point3<f64>,
+) -> Result<Option<(Spot, Pose, JointPositions)>, Halt> {
+    const NEAR_M: f64 = 0.3;
+    const MAX_SPOTS: usize = 30;
+    let world_from_base = agent.world_from_base()?;
+    let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
+    let (map, model) = (agent.map().clone(), agent.model().clone());
+    let configuration = agent.configuration()?;
+    let (held, planned) = (held.clone(), *planned);
+    agent.plan(move || {
+        let mut spots = find_spots(&map, surface, Some(held.id), &held.load);
+        spots.retain(|spot| (spot.point - planned).norm() < NEAR_M);
+        // Room counts, and so does being where the base was sent for.
+        let worth = |spot: &Spot| spot.clearance_m - 0.5 * (spot.point - planned).norm();
+        spots.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
+        apart(spots, 0.05, MAX_SPOTS).into_iter().find_map(|spot| {
+            TURNS_RAD.iter().find_map(|turn| {
+                let goal = base_from_tool_on(&world_from_base, &spot, &held, *turn);
+                Some((spot, goal, find_reach(&model, &configuration, &obstacles, &goal)?))
+            })
+        })
+    })
+}
