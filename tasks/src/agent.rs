@@ -204,6 +204,17 @@ impl Agent {
             self.journal.note_learned(&learned);
             self.map = learned.map;
         }
+        self.sample(now)
+    }
+
+    /// Notes clearance and margins for the report, when that is due.
+    fn sample(&mut self, now: Stamp) -> Result<(), Halt> {
+        if self.journal.is_sample_due(now) {
+            let position = Point2::from(self.world_from_base()?.translation.vector.xy());
+            let speed_m_per_s = self.base_velocity()?.forward_m_per_s.abs();
+            let radius_m = self.model.settings.base.footprint_radius_m;
+            self.journal.note_sample(now, &self.map.free_space, &position, radius_m, speed_m_per_s);
+        }
         Ok(())
     }
 

@@ -21,6 +21,7 @@ pub mod journal;
 pub mod judge;
 pub mod perception;
 pub mod picture;
+pub mod plot;
 pub mod report;
 pub mod run;
 pub mod settings;

@@ -4,7 +4,7 @@ use dsm::Pose;
 use dsm::camera::CameraModel;
 use dsm::frame::RgbdFrame;
 use dsm::map::{CellState, Map, MapObject, ObjectId};
-use dsm::raster::{RenderOptions, Scene, Splats, render};
+use dsm::raster::{Image, RenderOptions, Scene, Splats, render};
 use nalgebra::{Point2, Point3, UnitQuaternion, Vector2, Vector3};
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
@@ -28,6 +28,11 @@ const UNITS_PER_M: f64 = 100.0;
 /// The colour image as PNG.
 pub fn color_png(frame: &RgbdFrame) -> Vec<u8> {
     encode_png(frame.model.width, frame.model.height, &frame.color)
+}
+
+/// The colours of a rendered image as PNG.
+pub fn image_png(image: &Image) -> Vec<u8> {
+    encode_png(image.width, image.height, &image.color)
 }
 
 /// The depth image as PNG: violet is near, yellow 6 m and beyond, black no return.
@@ -358,7 +363,7 @@ fn encode_png(width: u32, height: u32, pixels: &[[u8; 3]]) -> Vec<u8> {
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::High);
+    encoder.set_compression(png::Compression::Balanced);
     let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(pixels.as_flattened()));
     // Only an image without pixels, or one whose sides do not fit its pixels, is refused; there is nothing to show then.
     if written.is_err() {

@@ -4,13 +4,15 @@
 
 use crate::cli::Timing;
 use crate::journal::Journal;
-use crate::picture::{color_png, depth_png, escape, halved, hex, map_svg, mean_color};
+use crate::picture::{color_png, depth_png, escape, halved, hex, image_png, map_svg, mean_color};
+use crate::plot::{Curve, lines_svg, timeline_svg};
 use crate::run::Finished;
 use crate::summary::{ExpectationSummary, Metrics, StepOutcome, StepSummary, Summary};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use dsm::ground::{Grounding, GroundingStatus};
+use dsm::ground::{CandidateViews, Grounding, GroundingStatus};
 use dsm::map::{Map, ObjectId, RoomId};
+use dsm::raster::Renderer;
 use dsm::store::{ShownObject, show_map};
 use serde::Serialize;
 use std::fmt::Write;
@@ -20,25 +22,84 @@ const MOST_PICTURES: usize = 16;
 /// A grounding lists at most so many candidates.
 const MOST_CANDIDATES: usize = 8;
 
+/// A line of the index of a suite.
+pub struct IndexLine<'a> {
+    /// Name of the episode.
+    pub episode: &'a str,
+    /// Seed.
+    pub seed: u64,
+    /// Whether it succeeded.
+    pub success: bool,
+    /// Stage and reason of a failure.
+    pub why: String,
+    /// Metrics, if it ran to its end.
+    pub metrics: Option<&'a Metrics>,
+    /// The report, relative to the index; `None` when there is none.
+    pub report: Option<String>,
+}
+
+/// The index page of a suite; `summary` says in words how it went.
+pub fn index_page(summary: &str, lines: &[IndexLine<'_>]) -> String {
+    let mut html = open_page("Suite");
+    let _ = writeln!(html, "<h1>Suite</h1>\n<p>{}</p>", escape(summary));
+    html.push_str(
+        "<div class=\"wide\"><table class=\"narrow\"><thead><tr><th>Episode</th><th>Outcome</th><th class=\"number\">Time</th>\
+         <th class=\"number\">Path</th><th class=\"number\">SPL</th><th class=\"number\">Clearance</th>\
+         <th class=\"number\">Collisions</th><th>Why</th></tr></thead><tbody>\n",
+    );
+    for line in lines {
+        let (class, word) = if line.success { ("good", "success") } else { ("bad", "failed") };
+        let name = format!("{}, seed {}", escape(line.episode), line.seed);
+        let name = match &line.report {
+            Some(report) => format!("<a href=\"{}\">{name}</a>", escape(report)),
+            None => name,
+        };
+        let of = |value: fn(&Metrics) -> Option<String>| line.metrics.and_then(value).unwrap_or_else(|| "-".to_owned());
+        let _ = writeln!(
+            html,
+            "<tr><td>{name}</td><td><span class=\"mark {class}\">{word}</span></td><td class=\"number\">{}</td>\
+             <td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
+             <td>{}</td></tr>",
+            of(|m| Some(format!("{:.1} s", m.sim_time_s))),
+            of(|m| Some(format!("{:.1} m", m.path_length_m))),
+            of(|m| Some(format!("{:.2} SPL", m.spl?))),
+            of(|m| Some(format!("{:.2} m free", m.min_clearance_m?))),
+            of(|m| Some(format!("{} collisions", m.collisions))),
+            escape(&line.why)
+        );
+    }
+    html.push_str("</tbody></table></div>\n");
+    close_page(html)
+}
+
+fn open_page(title: &str) -> String {
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
+    )
+}
+
+fn close_page(mut html: String) -> String {
+    html.push_str("</main>\n</body>\n</html>\n");
+    html
+}
+
 /// The page of a finished run.
 pub fn page(finished: &Finished, timing: &Timing) -> String {
     let Finished { summary, map, journal } = finished;
     let title = format!("{}, seed {}", escape(&summary.episode), summary.seed);
-    let mut html = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
-    );
+    let mut html = open_page(&title);
     write_head(&mut html, summary, timing, &title);
     write_steps(&mut html, &summary.steps, map);
     write_expectations(&mut html, &summary.expectations);
     write_metrics(&mut html, &summary.metrics, timing);
+    write_timeline(&mut html, summary, journal);
     write_map(&mut html, summary, map, journal);
     write_pictures(&mut html, journal);
     write_objects(&mut html, map);
     write_events(&mut html, journal);
-    html.push_str("</main>\n</body>\n</html>\n");
-    html
+    close_page(html)
 }
 
 // Writing to a String cannot fail, which is why the results of `write!` are dropped throughout.
@@ -99,7 +160,7 @@ fn write_grounding(html: &mut String, grounding: &Grounding, map: &Map) {
     let class = if grounding.status == GroundingStatus::Found { "good" } else { "so" };
     let _ = writeln!(
         html,
-        "<h4>Grounding <span class=\"mark {class}\">{}</span></h4>\n<p>{} (score {:.2}); decided by {}; verified by {}</p>",
+        "<h4>Grounding <span class=\"mark {class}\">{}</span></h4>\n<p>{} (score {:.2}); decided by <q>{}</q>; verified by {}</p>",
         word_of(&grounding.status),
         name_of(map, grounding.object_id, grounding.room_id),
         grounding.score,
@@ -109,8 +170,9 @@ fn write_grounding(html: &mut String, grounding: &Grounding, map: &Map) {
     if grounding.candidates.is_empty() {
         return;
     }
+    write_views(html, grounding, map);
     html.push_str(
-        "<div class=\"wide\"><table><thead><tr><th>Candidate</th><th>Score</th><th>Reasons</th></tr></thead><tbody>\n",
+        "<div class=\"wide\"><table class=\"narrow\"><thead><tr><th>Candidate</th><th class=\"number\">Score</th><th>Reasons</th></tr></thead><tbody>\n",
     );
     for candidate in grounding.candidates.iter().take(MOST_CANDIDATES) {
         let reasons: Vec<String> = candidate.reasons.iter().map(|reason| escape(reason)).collect();
@@ -129,6 +191,24 @@ fn write_grounding(html: &mut String, grounding: &Grounding, map: &Map) {
     }
 }
 
+/// The three views of the answer, drawn from the points of the map as the verifier sees them.
+fn write_views(html: &mut String, grounding: &Grounding, map: &Map) {
+    let Some(object) = grounding.object_id.and_then(|id| map.find_object(id)) else { return };
+    let Some(views) = CandidateViews::render(map, object, &[], &mut Renderer::default()) else { return };
+    html.push_str("<div class=\"views\">");
+    for (level, image) in [("object", &views.object), ("place", &views.place), ("scene", &views.scene)] {
+        let _ = write!(
+            html,
+            "<figure><img alt=\"{level} view\" width=\"{}\" height=\"{}\" src=\"data:image/png;base64,{}\">\
+             <figcaption>{level}</figcaption></figure>",
+            image.width,
+            image.height,
+            STANDARD.encode(image_png(image))
+        );
+    }
+    html.push_str("</div>\n");
+}
+
 fn write_expectations(html: &mut String, expectations: &[ExpectationSummary]) {
     html.push_str("<h2>Expectations</h2>\n");
     if expectations.is_empty() {
@@ -136,7 +216,7 @@ fn write_expectations(html: &mut String, expectations: &[ExpectationSummary]) {
         return;
     }
     html.push_str(
-        "<div class=\"wide\"><table><thead><tr><th>Kind</th><th></th><th>Measured</th><th>Required</th></tr></thead><tbody>\n",
+        "<div class=\"wide\"><table class=\"narrow\"><thead><tr><th>Kind</th><th></th><th>Measured</th><th>Required</th></tr></thead><tbody>\n",
     );
     for e in expectations {
         let (class, word) = if e.passed { ("good", "holds") } else { ("bad", "does not hold") };
@@ -169,6 +249,34 @@ fn write_metrics(html: &mut String, metrics: &Metrics, timing: &Timing) {
         let _ = writeln!(html, "<div><dt>{name}</dt><dd>{value}</dd></div>");
     }
     html.push_str("</dl>\n");
+}
+
+fn write_timeline(html: &mut String, summary: &Summary, journal: &Journal) {
+    let end_s = summary.metrics.sim_time_s;
+    html.push_str("<h2>Timeline</h2>\n");
+    let _ = writeln!(html, "<div class=\"wide plot\">{}</div>", timeline_svg(&summary.steps, &journal.events, end_s));
+    let plots: [(&str, &[Curve<'_>]); 4] = [
+        (
+            "Clearance of the base in the map, m (up to a metre)",
+            &[Curve { name: "Clearance", color: "#1e6ed2", value: |s| s.clearance_m }],
+        ),
+        ("Speed of the base, m/s", &[Curve { name: "Speed", color: "#17693a", value: |s| Some(s.speed_m_per_s) }]),
+        (
+            "Arm: least distance of a link to an obstacle or another link, m",
+            &[Curve { name: "Distance", color: "#1e6ed2", value: |s| s.control?.distance_m }],
+        ),
+        (
+            "Arm: what is left to the goal, m (rad for joint moves)",
+            &[Curve { name: "Error", color: "#8a5a00", value: |s| s.control.map(|c| c.error) }],
+        ),
+    ];
+    html.push_str("<div class=\"plots\">\n");
+    for (caption, curves) in plots {
+        if let Some(svg) = lines_svg(&journal.samples, end_s, curves) {
+            let _ = writeln!(html, "<figure class=\"plot\"><figcaption>{caption}</figcaption>{svg}</figure>");
+        }
+    }
+    html.push_str("</div>\n");
 }
 
 fn write_map(html: &mut String, summary: &Summary, map: &Map, journal: &Journal) {
@@ -300,11 +408,21 @@ tr:last-child td{border-bottom:0}.number{font-variant-numeric:tabular-nums;text-
 td i{display:inline-block;width:.8em;height:.8em;margin-right:.4em;border:1px solid var(--dim);border-radius:2px}
 dl{display:grid;grid-template-columns:repeat(auto-fill,minmax(155px,1fr));gap:8px;margin:0}
 dl div{background:#fff;border:1px solid var(--line);border-radius:8px;padding:8px 12px}dt{color:var(--dim);font-size:.85rem}dd{margin:0;font-weight:600}
+.number{text-align:right}
+.plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,420px),1fr));gap:12px}
+.plot svg{display:block;width:100%;height:auto;font:13px system-ui,sans-serif;fill:var(--dim)}.grid{stroke:var(--line);fill:none}
+.views{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:8px;max-width:720px;margin:.5rem 0}.views img{width:100%}
+.wide.plot svg{max-width:960px}
 .map svg{display:block;width:100%;min-width:720px;height:auto;font-family:system-ui,sans-serif}
 .pictures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,520px),1fr));gap:12px}
 figure{margin:0;background:#fff;border:1px solid var(--line);border-radius:8px;padding:8px}figure div{display:flex;gap:4px}
 figure img{width:50%;height:auto;min-width:0}figcaption{font-size:.85rem;color:var(--dim)}
 summary{cursor:pointer}ol{padding:0;margin:.5rem 0;list-style:none}li{padding:2px 0;border-bottom:1px solid var(--line)}
+@media(max-width:600px){
+.narrow thead{display:none}.narrow,.narrow tbody,.narrow tr,.narrow td{display:block;border:0;text-align:left}
+.narrow tr{padding:6px 0;border-bottom:1px solid var(--line)}.narrow td{padding:1px 10px}
+.plot svg{font-size:21px}
+}
 time{display:inline-block;min-width:5em;color:var(--dim);font-variant-numeric:tabular-nums}
 ";
 

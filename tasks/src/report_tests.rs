@@ -1,6 +1,6 @@
 //! Contract: the page holds what happened, needs nothing from outside, runs no script, and shows hostile names as text.
 use super::*;
-use crate::journal::Event;
+use crate::journal::{Event, Sample};
 use crate::picture::tests::{small_frame, small_map};
 use crate::summary::{Failure, MapSummary, Stage, TruthSummary};
 use dsm::ground::{Candidate, ReferenceFrame};
@@ -70,6 +70,7 @@ fn finished(name: &str) -> Finished {
         truth: TruthSummary::default(),
     };
     let mut journal = Journal { path: vec![Point2::new(0.5, 0.5), Point2::new(1.5, 0.5)], ..Journal::default() };
+    journal.samples.push(Sample { speed_m_per_s: 0.4, clearance_m: Some(0.2), ..Sample::default() });
     journal.events.push(Event { at_s: 1.5, what: name.to_owned() });
     for i in 0..40 {
         journal.pictures.push((format!("picture {i} {name}"), Arc::new(small_frame())));
@@ -100,7 +101,7 @@ fn the_page_tells_what_happened() {
     assert!(html.contains("and 2 more in summary.json"));
     assert!(html.contains("no longer in the map (object 8)"));
     assert!(html.contains("16 of 40 pictures") && html.contains("picture 0 ") && html.contains("picture 39 "));
-    assert_eq!(html.matches("<img ").count(), 32, "colour and depth");
+    assert_eq!(html.matches("<img ").count(), 35, "colour and depth, and three views of the answer");
 }
 
 #[test]
@@ -124,8 +125,28 @@ fn the_page_needs_nothing_from_outside() {
 }
 
 #[test]
+fn the_index_links_every_report() {
+    let finished = finished("apple");
+    let line = |report: Option<&str>| IndexLine {
+        episode: HOSTILE,
+        seed: 4,
+        success: report.is_some(),
+        why: HOSTILE.to_owned(),
+        metrics: report.map(|_| &finished.summary.metrics),
+        report: report.map(str::to_owned),
+    };
+    let html = index_page("2 episodes", &[line(Some("apple-4/report.html")), line(None)]);
+    assert!(html.contains("<a href=\"apple-4/report.html\">") && html.matches("<a ").count() == 1);
+    assert!(!html.contains("<img"), "a name became markup");
+    check_that_every_element_is_closed(&html);
+}
+
+#[test]
 fn every_element_is_closed() {
-    let html = page_of("apple");
+    check_that_every_element_is_closed(&page_of("apple"));
+}
+
+fn check_that_every_element_is_closed(html: &str) {
     let mut open = Vec::new();
     for rest in html.split('<').skip(1) {
         let tag = rest.split([' ', '>', '\n', '/']).next().unwrap_or_default();

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Side of a free-space cell, metres.
-const CELL_M: f64 = 0.05;
+pub(crate) const CELL_M: f64 = 0.05;
 
 /// All that decides a run.
 #[derive(Clone, Debug)]

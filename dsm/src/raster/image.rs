@@ -51,11 +51,20 @@ impl SrgbTable {
         Self(table)
     }
 
-    /// The 8-bit value of linear light; light above 1 is white.
-    #[inline]
-    pub(super) fn encode(&self, light: f32) -> u8 {
-        let scaled = light * (Self::SIZE - 1) as f32 + 0.5;
-        self.0[(scaled as usize).min(Self::SIZE - 1)]
+    /// The step of linear light; light above 1 is white, below 0 black.
+    #[inline(always)]
+    pub(super) fn step(light: f32) -> i32 {
+        const LAST: f32 = (SrgbTable::SIZE - 1) as f32;
+        let scaled = light * LAST + 0.5;
+        let scaled = if scaled > 0.0 { scaled } else { 0.0 };
+        (if scaled < LAST { scaled } else { LAST }) as i32
+    }
+
+    /// The 8-bit value of a step.
+    #[inline(always)]
+    pub(super) fn encode(&self, step: i32) -> u8 {
+        // The mask changes no step; it spares a check in the innermost loop.
+        self.0[step as usize & (Self::SIZE - 1)]
     }
 }
 
@@ -70,8 +79,9 @@ mod tests {
         for value in 0..=255_u8 {
             let light = linear_from_srgb(f32::from(value) / 255.0);
             assert!((srgb_from_linear(light) * 255.0 - f32::from(value)).abs() < 0.01);
-            assert_eq!(table.encode(light), value);
+            assert_eq!(table.encode(SrgbTable::step(light)), value);
         }
-        assert_eq!((table.encode(7.0), table.encode(-1.0)), (255, 0));
+        let encode = |light| table.encode(SrgbTable::step(light));
+        assert_eq!((encode(7.0), encode(-1.0), encode(f32::NAN)), (255, 0, 0));
     }
 }

@@ -8,6 +8,7 @@ use super::visibility::Band;
 use crate::Pose;
 use crate::camera::CameraModel;
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// How an image is rendered.
@@ -34,11 +35,41 @@ pub struct Renderer {
     inverse_z: Vec<f32>,
     numbers: Vec<u32>,
     srgb: SrgbTable,
+    /// The instructions of this machine.
+    arch: Arch,
+}
+
+/// One band: its nearest surfaces, and their shading.
+struct BandWork<'a> {
+    prepared: &'a Prepared,
+    shader: &'a Shader<'a>,
+    touching: &'a [u32],
+    far_m: f32,
+    band: Band<'a>,
+    color: &'a mut [[u8; 3]],
+    depth_m: &'a mut [f32],
+    labels: &'a mut [u32],
+}
+
+impl NullaryFnOnce for BandWork<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(mut self) {
+        self.band.fill(self.prepared, self.touching, self.far_m);
+        self.shader.shade(&self.band, self.color, self.depth_m, self.labels);
+    }
 }
 
 impl Default for Renderer {
     fn default() -> Self {
-        Self { prepared: Prepared::default(), inverse_z: Vec::new(), numbers: Vec::new(), srgb: SrgbTable::new() }
+        Self {
+            prepared: Prepared::default(),
+            inverse_z: Vec::new(),
+            numbers: Vec::new(),
+            srgb: SrgbTable::new(),
+            arch: Arch::new(),
+        }
     }
 }
 
@@ -63,6 +94,7 @@ impl Renderer {
         // 2. and 3. Each band of rows finds its nearest surfaces and shades them.
         let prepared = &self.prepared;
         let shader = Shader::new(scene, model, &camera_from_world, prepared, options.background, &self.srgb);
+        let arch = self.arch;
         let pixels = BAND_ROWS * model.width as usize;
         if pixels == 0 {
             return;
@@ -76,9 +108,9 @@ impl Renderer {
             .for_each(|(index, ((((inverse_z, numbers), color), depth_m), labels))| {
                 let first_row = (index * BAND_ROWS) as u32;
                 let end_row = (first_row + BAND_ROWS as u32).min(model.height);
-                let mut band = Band { width: model.width, first_row, end_row, inverse_z, numbers };
-                band.fill(prepared, &prepared.bands[index], options.far_m);
-                shader.shade(&band, color, depth_m, labels);
+                let band = Band { width: model.width, first_row, end_row, inverse_z, numbers };
+                let (shader, touching, far_m) = (&shader, &prepared.bands[index][..], options.far_m);
+                arch.dispatch(BandWork { prepared, shader, touching, far_m, band, color, depth_m, labels });
             });
     }
 

@@ -34,7 +34,7 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    #[inline]
+    #[inline(always)]
     pub(super) fn at(&self, column: f32, row: f32) -> f32 {
         self.at_origin + column * self.per_column + row * self.per_row
     }
@@ -274,7 +274,7 @@ impl<'a> View<'a> {
 }
 
 /// The first pixel whose centre lies at or after the coordinate, within 0 to `limit`.
-#[inline]
+#[inline(always)]
 pub(super) fn pixel_from(coordinate: f32, limit: u32) -> u32 {
     let start = (coordinate - 0.5).max(0.0).min(limit as f32);
     let whole = start as u32;

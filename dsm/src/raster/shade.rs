@@ -12,6 +12,16 @@ use nalgebra::{Point3, Vector3};
 /// Pixels shaded together.
 const PIECE: usize = 64;
 type Lane = [f32; PIECE];
+/// 0, 1, 2, ... as numbers: a count kept as a float would tie each pixel to the one before.
+const STEPS: Lane = {
+    let mut steps = [0.0; PIECE];
+    let mut i = 0;
+    while i < PIECE {
+        steps[i] = i as f32;
+        i += 1;
+    }
+    steps
+};
 
 /// A light in the camera frame.
 struct CameraLight {
@@ -26,6 +36,7 @@ struct CameraLight {
 
 impl CameraLight {
     /// Share of the light that each pixel scatters (Lambert) and mirrors (Schlick's rational form of Blinn's power).
+    #[inline(always)]
     fn fall_on(
         &self,
         piece: &Piece,
@@ -58,6 +69,7 @@ impl CameraLight {
     }
 }
 
+#[inline(always)]
 fn normalize(normal: &mut [Lane; 3]) {
     let [x, y, z] = normal;
     for i in 0..PIECE {
@@ -69,6 +81,7 @@ fn normalize(normal: &mut [Lane; 3]) {
 }
 
 /// Unit vectors from the surfaces towards the camera.
+#[inline(always)]
 fn look_back(columns: &Lane, row: f32, view: &mut [Lane; 3]) {
     let [x, y, z] = view;
     for i in 0..PIECE {
@@ -79,6 +92,7 @@ fn look_back(columns: &Lane, row: f32, view: &mut [Lane; 3]) {
     }
 }
 
+#[inline(always)]
 fn dot(vectors: &[Lane; 3], other: &[f32; 3], product: &mut Lane) {
     let [x, y, z] = vectors;
     for i in 0..PIECE {
@@ -86,6 +100,7 @@ fn dot(vectors: &[Lane; 3], other: &[f32; 3], product: &mut Lane) {
     }
 }
 
+#[inline(always)]
 fn add_scaled(sum: &mut Lane, values: &Lane, factor: f32) {
     for i in 0..PIECE {
         sum[i] += values[i] * factor;
@@ -107,6 +122,9 @@ struct Look<'a> {
 /// The surfaces of one piece of a row.
 struct Piece {
     z: Lane,
+    /// Barycentric coordinates of the second and third vertex.
+    second: Lane,
+    third: Lane,
     normal: [Lane; 3],
     albedo: [Lane; 3],
     specular: Lane,
@@ -159,11 +177,15 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Shades a band; the slices hold its pixels.
+    /// Shades a band; the slices hold its pixels. Everything below is compiled into each set of instructions that
+    /// the caller picks from, which is why it is always inlined; the arithmetic is the same in all of them.
+    #[inline(always)]
     pub(super) fn shade(&self, band: &Band, color: &mut [[u8; 3]], depth_m: &mut [f32], labels: &mut [u32]) {
         let width = band.width as usize;
         let mut piece = Piece {
             z: [1.0; PIECE],
+            second: [0.0; PIECE],
+            third: [0.0; PIECE],
             normal: [[0.0; PIECE]; 3],
             albedo: [[0.0; PIECE]; 3],
             specular: [0.0; PIECE],
@@ -187,12 +209,9 @@ impl<'a> Shader<'a> {
                 let color = &mut color[pixels];
                 if lit {
                     let light = self.light(&mut piece, columns, self.rows[row as usize]);
+                    let steps = light.map(|channel| channel.map(SrgbTable::step));
                     for (i, pixel) in color.iter_mut().enumerate() {
-                        *pixel = [
-                            self.srgb.encode(light[0][i]),
-                            self.srgb.encode(light[1][i]),
-                            self.srgb.encode(light[2][i]),
-                        ];
+                        *pixel = [0, 1, 2].map(|channel| self.srgb.encode(steps[channel][i]));
                     }
                 }
                 self.color_unlit(numbers, color);
@@ -200,6 +219,7 @@ impl<'a> Shader<'a> {
         }
     }
 
+    #[inline(always)]
     /// Fetches the surfaces of a piece and writes its labels; returns whether any of them needs light.
     fn gather(
         &self,
@@ -234,6 +254,7 @@ impl<'a> Shader<'a> {
     }
 
     /// The surfaces of neighbouring pixels of one triangle.
+    #[inline(always)]
     fn gather_run(
         &self,
         piece: &mut Piece,
@@ -254,22 +275,32 @@ impl<'a> Shader<'a> {
             let z = piece.z[run.start + run.len() / 2];
             (texture, texture.level_for(triangle.uv_density * z * z * z * look.texels))
         });
-        for (step, i) in run.clone().enumerate() {
-            let (step, z) = (step as f32, piece.z[i]);
-            let s = ((second + step * triangle.second.per_column) * z).clamp(0.0, 1.0);
-            let t = ((third + step * triangle.third.per_column) * z).clamp(0.0, 1.0);
-            for (axis, lane) in piece.normal.iter_mut().enumerate() {
-                lane[i] = normal_a[axis] + s * edge_b[axis] + t * edge_c[axis];
+        let (s, t) = (&mut piece.second[run.clone()], &mut piece.third[run.clone()]);
+        for (((s, t), z), step) in s.iter_mut().zip(t.iter_mut()).zip(&piece.z[run.clone()]).zip(&STEPS) {
+            *s = ((second + step * triangle.second.per_column) * z).clamp(0.0, 1.0);
+            *t = ((third + step * triangle.third.per_column) * z).clamp(0.0, 1.0);
+        }
+        let (s, t) = (&*s, &*t);
+        for (axis, lane) in piece.normal.iter_mut().enumerate() {
+            for ((value, s), t) in lane[run.clone()].iter_mut().zip(s).zip(t) {
+                *value = normal_a[axis] + s * edge_b[axis] + t * edge_c[axis];
             }
-            let mut albedo = look.color;
-            if let Some((texture, level)) = texture {
-                let u = (a.uv[0] + s * uv_b[0] + t * uv_c[0]) * look.repeat[0];
-                let v = (a.uv[1] + s * uv_b[1] + t * uv_c[1]) * look.repeat[1];
-                let texel = texture.sample(level, u, v);
-                albedo = std::array::from_fn(|channel| albedo[channel] * texel[channel]);
+        }
+        match texture {
+            None => {
+                for (lane, value) in piece.albedo.iter_mut().zip(look.color) {
+                    lane[run.clone()].fill(value);
+                }
             }
-            for (lane, value) in piece.albedo.iter_mut().zip(albedo) {
-                lane[i] = value;
+            Some((texture, level)) => {
+                for ((i, s), t) in run.clone().zip(s).zip(t) {
+                    let u = (a.uv[0] + s * uv_b[0] + t * uv_c[0]) * look.repeat[0];
+                    let v = (a.uv[1] + s * uv_b[1] + t * uv_c[1]) * look.repeat[1];
+                    let texel = texture.sample(level, u, v);
+                    for ((lane, color), texel) in piece.albedo.iter_mut().zip(look.color).zip(texel) {
+                        lane[i] = color * texel;
+                    }
+                }
             }
         }
         piece.specular[run.clone()].fill(look.specular);
@@ -277,6 +308,7 @@ impl<'a> Shader<'a> {
         piece.emission[run].fill(look.emission);
     }
 
+    #[inline(always)]
     /// Linear light of each pixel. The loops hold no branches and only lanes, so that the compiler vectorises them.
     fn light(&self, piece: &mut Piece, columns: &Lane, row: f32) -> [Lane; 3] {
         let mut view = [[0.0; PIECE]; 3];
@@ -308,6 +340,7 @@ impl<'a> Shader<'a> {
     }
 
     /// Points keep the colour they were measured with; where nothing is seen there is the background.
+    #[inline(always)]
     fn color_unlit(&self, numbers: &[u32], color: &mut [[u8; 3]]) {
         let triangles = self.prepared.triangles.len();
         for (pixel, &number) in color.iter_mut().zip(numbers) {

@@ -121,7 +121,7 @@ impl Texture {
     }
 
     /// The mip level for a texture area of `texels_per_pixel` (texels squared per pixel squared).
-    #[inline]
+    #[inline(always)]
     pub(super) fn level_for(&self, texels_per_pixel: f32) -> usize {
         // floor(log2) from the exponent bits; level k serves 2^(2k-1) to 2^(2k+1) texels.
         let exponent = (texels_per_pixel.to_bits() >> 23) as i32 - 127;
@@ -129,7 +129,7 @@ impl Texture {
     }
 
     /// Linear light at (u, v) of a mip level.
-    #[inline]
+    #[inline(always)]
     pub(super) fn sample(&self, level: usize, u: f32, v: f32) -> [f32; 3] {
         let level = &self.levels[level];
         let (x0, x1, fx) = neighbours(u, level.width);
@@ -166,7 +166,7 @@ impl Level {
 }
 
 /// The two texels around a repeating coordinate and the share of the second.
-#[inline]
+#[inline(always)]
 fn neighbours(coordinate: f32, size: usize) -> (usize, usize, f32) {
     // Casts instead of `floor`, which is a call on a baseline x86-64.
     let whole = coordinate as i32 as f32;

@@ -18,6 +18,7 @@ pub(super) struct Band<'a> {
 
 impl Band<'_> {
     /// Draws everything that touches the band. Only what is truly nearer replaces what came before.
+    #[inline(always)]
     pub(super) fn fill(&mut self, prepared: &Prepared, touching: &[u32], far_m: f32) {
         self.inverse_z.fill(1.0 / far_m);
         self.numbers.fill(NOTHING);
@@ -29,6 +30,7 @@ impl Band<'_> {
         }
     }
 
+    #[inline(always)]
     fn fill_triangle(&mut self, triangle: &Triangle, number: u32) {
         let [top, middle, bottom] = triangle.corners;
         let long = Edge::new(top, bottom);
@@ -49,7 +51,7 @@ impl Band<'_> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn fill_span(&mut self, triangle: &Triangle, number: u32, row: u32, left: f32, right: f32) {
         let (from, to) = (pixel_from(left, self.width), pixel_from(right, self.width));
         if from >= to {
@@ -60,8 +62,10 @@ impl Band<'_> {
         let plane = &triangle.inverse_z;
         let start = plane.at((from as i32 - triangle.origin[0]) as f32, (row as i32 - triangle.origin[1]) as f32);
         let (min, max, step) = (triangle.inverse_z_min, triangle.inverse_z_max, plane.per_column);
-        let mut column = 0.0_f32;
-        for (nearest, seen) in self.inverse_z[span.clone()].iter_mut().zip(&mut self.numbers[span]) {
+        let pixels = self.inverse_z[span.clone()].iter_mut().zip(&mut self.numbers[span]);
+        // The count is a whole number: one kept as a float would tie each pixel to the one before.
+        for (column, (nearest, seen)) in pixels.enumerate() {
+            let column = column as i32 as f32;
             // Slivers have steep planes: rounding must not push them out of their own range.
             let value = start + column * step;
             let value = if value < min { min } else { value };
@@ -69,10 +73,10 @@ impl Band<'_> {
             let nearer = value > *nearest;
             *nearest = if nearer { value } else { *nearest };
             *seen = if nearer { number } else { *seen };
-            column += 1.0;
         }
     }
 
+    #[inline(always)]
     fn fill_disc(&mut self, disc: &Disc, number: u32) {
         let first = pixel_from(disc.y - disc.radius, self.end_row).max(self.first_row);
         let end = pixel_from(disc.y + disc.radius, self.end_row);
@@ -99,14 +103,14 @@ struct Edge {
 }
 
 impl Edge {
-    #[inline]
+    #[inline(always)]
     fn new(from: [f32; 2], to: [f32; 2]) -> Self {
         let (x, y) = (f64::from(from[0]), f64::from(from[1]));
         // A level edge crosses no row, so its slope is never used.
         Self { x, y, slope: (f64::from(to[0]) - x) / (f64::from(to[1]) - y) }
     }
 
-    #[inline]
+    #[inline(always)]
     fn at(&self, height: f64) -> f32 {
         (self.x + (height - self.y) * self.slope) as f32
     }

@@ -54,48 +54,61 @@ impl<'a> DepthNoise<'a> {
         }
     }
 
-    /// The measured depth of a row; `bits` holds random bits for each pixel, of which the lowest 24 are used.
+    /// The measured depth of a row; `bits` holds random bits for each pixel, of which the lowest 24 are used. Inlined
+    /// into each set of instructions that the caller picks from; the arithmetic is the same in all of them.
+    #[inline(always)]
     pub(super) fn measure_row(&self, row: usize, bits: &[u32], out: &mut [f32]) {
-        let line = row * self.width;
+        let (line, width) = (row * self.width, self.width);
+        // 1. Where the surface returns light: 1, else 0.
+        let here = &self.inverse_m[line..line + width];
+        // At the border of the image a neighbour that is missing counts like the pixel itself: no rise towards it.
+        let above = if row > 0 { &self.inverse_m[line - width..line] } else { here };
+        let below = if row + 1 < self.height { &self.inverse_m[line + width..line + 2 * width] } else { here };
+        let depth = &self.depth_m[line..line + width];
+        let ray_y = self.rows[row];
+        let at = |column: usize, before: usize, after: usize| {
+            let w = [here[column], here[before], here[after], above[column], below[column]];
+            self.returns(depth[column], w, self.columns[column], ray_y)
+        };
+        if width < 2 {
+            out.iter_mut().enumerate().for_each(|(column, out)| *out = at(column, column, column));
+        } else {
+            out[0] = at(0, 0, 1);
+            let inner = out[1..width - 1].iter_mut().zip(&depth[1..]).zip(&self.columns[1..]);
+            let neighbours = here.windows(3).zip(&above[1..]).zip(&below[1..]);
+            for (((out, &z), &ray_x), ((w, &above), &below)) in inner.zip(neighbours) {
+                *out = self.returns(z, [w[1], w[0], w[2], above, below], ray_x, ray_y);
+            }
+            out[width - 1] = at(width - 1, width - 2, width - 1);
+        }
+        // 2. What is read there: the jitter of both axes shares 12 bits: the columns take the low, the rows the high half.
         for (column, (out, &bits)) in out.iter_mut().zip(bits).enumerate() {
-            *out = if self.returns(row, column) {
-                // The jitter of both axes shares 12 bits: the columns take the low, the rows the high half.
-                let z = self.depth_m[self.jittered(line, row, column, bits >> 12)];
-                self.quantise(z, self.normal.get(bits))
-            } else {
-                0.0
-            };
+            if *out > 0.0 {
+                *out = self.depth_m[self.jittered(line, row, column, bits >> 12)];
+            }
+        }
+        // 3. Its disparity, noisy and in steps.
+        for (out, &bits) in out.iter_mut().zip(bits) {
+            *out = self.quantise(*out, self.normal.get(bits));
         }
     }
 
-    /// Whether the surface is within range and not too steep against the ray.
-    #[inline]
-    fn returns(&self, row: usize, column: usize) -> bool {
-        let pixel = row * self.width + column;
-        let w = self.inverse_m[pixel];
-        let z = self.depth_m[pixel];
-        if !(z >= self.parameters.min_range_m && z <= self.parameters.max_range_m) {
-            return false;
-        }
-        let rise_x = steepest(
-            w,
-            (column > 0).then(|| self.inverse_m[pixel - 1]),
-            (column + 1 < self.width).then(|| self.inverse_m[pixel + 1]),
-        );
-        let rise_y = steepest(
-            w,
-            (row > 0).then(|| self.inverse_m[pixel - self.width]),
-            (row + 1 < self.height).then(|| self.inverse_m[pixel + self.width]),
-        );
+    /// 1 where the surface is within range and not too steep against the ray, else 0. The inverse depths are those of the
+    /// pixel and of its neighbours left, right, above and below.
+    #[inline(always)]
+    fn returns(&self, z: f32, [w, left, right, above, below]: [f32; 5], ray_x: f32, ray_y: f32) -> f32 {
+        let (rise_x, rise_y) = (steepest(w, left, right), steepest(w, above, below));
         // On a plane the inverse depth is w = a + b X + c Y with the ray (X, Y, 1); (b, c, a) is along its normal.
-        let (ray_x, ray_y) = (self.columns[column], self.rows[row]);
         let (b, c) = (rise_x * self.focal[0], rise_y * self.focal[1]);
         let a = w - b * ray_x - c * ray_y;
         let ray = ray_x * ray_x + ray_y * ray_y + 1.0;
-        w * w > self.cos_limit_squared * (a * a + b * b + c * c) * ray
+        let flat = w * w > self.cos_limit_squared * (a * a + b * b + c * c) * ray;
+        let near = z >= self.parameters.min_range_m;
+        let far = z <= self.parameters.max_range_m;
+        if flat & near & far { 1.0 } else { 0.0 }
     }
 
-    #[inline]
+    #[inline(always)]
     fn jittered(&self, line: usize, row: usize, column: usize, bits: u32) -> usize {
         let direction = |bits: u32| {
             let bits = bits & 4095;
@@ -111,25 +124,20 @@ impl<'a> DepthNoise<'a> {
         row * self.width + column
     }
 
-    #[inline]
+    #[inline(always)]
     fn quantise(&self, z: f32, noise: f32) -> f32 {
-        if z <= 0.0 {
-            return 0.0;
-        }
         let p = self.parameters;
+        // Without a return z is 0 and the quotient infinite: the last line drops it.
         let steps = ((p.disparity_of_1_m / z + p.disparity_sigma * noise) * 8.0 + 0.5) as i32;
-        if steps < 1 {
-            return 0.0;
-        }
         let measured = p.disparity_of_1_m * 8.0 / steps as f32;
-        if measured <= p.max_range_m { measured } else { 0.0 }
+        let kept = (z > 0.0) & (steps >= 1) & (measured <= p.max_range_m);
+        if kept { measured } else { 0.0 }
     }
 }
 
 /// The rise of the inverse depth per pixel towards the neighbour that differs more.
-#[inline]
-fn steepest(here: f32, before: Option<f32>, after: Option<f32>) -> f32 {
-    let before = before.map_or(0.0, |w| here - w);
-    let after = after.map_or(0.0, |w| w - here);
+#[inline(always)]
+fn steepest(here: f32, before: f32, after: f32) -> f32 {
+    let (before, after) = (here - before, after - here);
     if before.abs() > after.abs() { before } else { after }
 }

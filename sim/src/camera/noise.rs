@@ -4,6 +4,7 @@ use super::depth_noise::DepthNoise;
 use super::normal_table::NormalTable;
 use super::rig::TrueImage;
 use dsm::camera::CameraModel;
+use pulp::{Arch, NullaryFnOnce};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -130,6 +131,8 @@ struct Noise {
     normal: NormalTable<4096>,
     /// For colour fewer steps do.
     coarse_normal: NormalTable<1024>,
+    /// The instructions of this machine.
+    arch: Arch,
 }
 
 impl SensorModel {
@@ -141,7 +144,14 @@ impl SensorModel {
     /// The preset `noisy`, or one with other parameters.
     pub fn noisy(parameters: NoiseParameters) -> Result<Self, NoiseError> {
         parameters.check()?;
-        Ok(Self { noise: Some(Noise { parameters, normal: NormalTable::new(), coarse_normal: NormalTable::new() }) })
+        Ok(Self {
+            noise: Some(Noise {
+                parameters,
+                normal: NormalTable::new(),
+                coarse_normal: NormalTable::new(),
+                arch: Arch::new(),
+            }),
+        })
     }
 
     /// What the sensor makes of a true image of a camera. Every row draws from its own stream, so that the number of
@@ -163,17 +173,48 @@ impl SensorModel {
                 // Part 0 belongs to the frame as a whole.
                 key.rng(row as u64 + 1).fill_bytes(bytes);
                 let (for_depth, for_color) = bytes.split_at(4 * width);
-                read_words(for_depth, bits);
-                depth.measure_row(row, bits, depth_m);
-                read_words(for_color, bits);
-                curves.spoil_row(&noise.coarse_normal, bits, color);
+                let (depth, curves, normal) = (&depth, &curves, &noise.coarse_normal);
+                let random = RowBits { for_depth, for_color, words: bits };
+                noise.arch.dispatch(RowWork { depth, curves, normal, row, random, color, depth_m });
             },
         );
         sensed
     }
 }
 
+/// Random bytes of a row, and room for their words.
+struct RowBits<'a> {
+    for_depth: &'a [u8],
+    for_color: &'a [u8],
+    words: &'a mut [u32],
+}
+
+/// One row of depth and colour.
+struct RowWork<'a> {
+    depth: &'a DepthNoise<'a>,
+    curves: &'a ColorCurves,
+    normal: &'a NormalTable<1024>,
+    row: usize,
+    random: RowBits<'a>,
+    color: &'a mut [[u8; 3]],
+    depth_m: &'a mut [f32],
+}
+
+impl NullaryFnOnce for RowWork<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let RowBits { for_depth, for_color, words } = self.random;
+        read_words(for_depth, words);
+        self.depth.measure_row(self.row, words, self.depth_m);
+        read_words(for_color, words);
+        self.curves.spoil_row(self.normal, words, self.color);
+    }
+}
+
 /// Reads little-endian words: the same on every machine.
+#[inline(always)]
 fn read_words(bytes: &[u8], words: &mut [u32]) {
     for (word, bytes) in words.iter_mut().zip(bytes.chunks_exact(4)) {
         *word = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
@@ -206,6 +247,7 @@ impl ColorCurves {
         Self { mean, sigma: std::array::from_fn(sigma) }
     }
 
+    #[inline(always)]
     fn spoil_row(&self, normal: &NormalTable<1024>, bits: &[u32], color: &mut [[u8; 3]]) {
         for (pixel, &bits) in color.iter_mut().zip(bits) {
             for (channel, value) in pixel.iter_mut().enumerate() {

@@ -30,7 +30,7 @@ impl<const N: usize> NormalTable<N> {
     }
 
     /// The number for random bits, of which the lowest are used. `N` must be a power of two.
-    #[inline]
+    #[inline(always)]
     pub(super) fn get(&self, bits: u32) -> f32 {
         self.0[bits as usize & (N - 1)]
     }

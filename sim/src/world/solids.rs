@@ -16,6 +16,9 @@ pub(crate) struct Solid {
     /// The unbounded floor.
     pub(crate) is_plane: bool,
     body_from_solid: ParryPose,
+    /// Around the shape, in its body's frame; unbounded for planes.
+    center_in_body: Point3<f64>,
+    radius_m: f64,
     shape: SharedShape,
 }
 
@@ -33,10 +36,14 @@ impl Solids {
         for (index, body) in scene.bodies.iter().enumerate() {
             for geom in body.geoms.iter().filter(|geom| geom.collides) {
                 let (geom_from_shape, shape) = scene_shape(scene, &body.name, &geom.shape, body.motion)?;
+                let body_from_solid = to_pose(&geom.body_from_geom) * geom_from_shape;
+                let sphere = shape.compute_bounding_sphere(&body_from_solid);
                 list.push(Solid {
                     body: index,
+                    center_in_body: Point3::from(from_vector(sphere.center)),
+                    radius_m: f64::from(sphere.radius),
                     is_plane: matches!(geom.shape, SceneShape::Plane { half_m: [x, y] } if x <= 0.0 || y <= 0.0),
-                    body_from_solid: to_pose(&geom.body_from_geom) * geom_from_shape,
+                    body_from_solid,
                     shape,
                 });
             }
@@ -79,6 +86,16 @@ impl Solids {
 }
 
 impl Solid {
+    /// Whether it is surely farther from an upright cylinder than `reach_m`: cheaper than any box.
+    pub(crate) fn is_far_from_column(&self, world_from_body: &Pose, column: &Column, reach_m: f64) -> bool {
+        // Boxes and spheres of the collision library are single precision.
+        const SLACK_M: f64 = 0.05;
+        let center = world_from_body * self.center_in_body;
+        let away_m = (center.x - column.x_m).hypot(center.y - column.y_m);
+        // Boxes touch before their spheres do: along the diagonal a box reaches farther by the root of two.
+        away_m > std::f64::consts::SQRT_2 * (self.radius_m + column.radius_m + reach_m + SLACK_M)
+    }
+
     /// The box around it along the world's axes.
     pub(crate) fn bounds(&self, world_from_body: &Pose) -> Aabb {
         let aabb = self.shape.compute_aabb(&(to_pose(world_from_body) * self.body_from_solid));

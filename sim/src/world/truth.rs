@@ -215,6 +215,9 @@ impl TruthSampler {
             Column { x_m: at.x, y_m: at.y, radius_m: self.radius_m, bottom_m: FLOOR_TOP_M, top_m: self.height_m };
         let distances = self.solids.iter().filter_map(|solid| {
             let pose = &poses.bodies[solid.body];
+            if solid.is_far_from_column(pose, &column, CLEARANCE_REACH_M) {
+                return None;
+            }
             let is_floor = solid.bounds(pose).max.z <= FLOOR_TOP_M;
             if is_floor { None } else { solid.find_distance_to_column_m(pose, &column, CLEARANCE_REACH_M) }
         });

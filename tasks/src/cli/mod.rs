@@ -1,5 +1,6 @@
 //! The command line: flags are parsed here and checked before anything runs.
 
+mod bench;
 mod check;
 mod explore;
 mod ground;
@@ -113,6 +114,8 @@ pub enum Command {
     /// Show the configuration.
     #[command(subcommand)]
     Config(info::ConfigCommand),
+    /// Measure speeds on this machine and print one table.
+    Bench(bench::BenchArgs),
     /// Print shell completions.
     Completions {
         /// The shell.
@@ -136,6 +139,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Scene(command) => check::scene(command),
         Command::Robot(command) => check::robot(command),
         Command::Config(command) => info::config(command),
+        Command::Bench(args) => bench::run(args),
         Command::Completions { shell } => info::completions(shell),
         Command::Schema { kind } => info::schema(kind),
     }

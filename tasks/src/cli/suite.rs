@@ -4,6 +4,7 @@ use super::output::{prepare_folder, to_json};
 use super::run::{catch_interrupt, prepare, run_and_write, set_threads};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::error::TaskError;
+use crate::report::{IndexLine, index_page};
 use crate::run::{RunSpec, Silent};
 use crate::summary::{Metrics, Stage};
 use dsm::store::write_atomically;
@@ -122,6 +123,7 @@ pub(super) fn run(args: SuiteArgs) -> anyhow::Result<u8> {
     episodes.sort_by(|a, b| (&a.id, a.seed).cmp(&(&b.id, b.seed)));
     let suite = Suite { schema: SUITE_SCHEMA, totals: totals(&episodes), episodes };
     write_atomically(&folder.join("suite.json"), to_json(&suite)?.as_bytes()).map_err(TaskError::from)?;
+    write_atomically(&folder.join("index.html"), index(&suite, &folder).as_bytes()).map_err(TaskError::from)?;
     if let Some(path) = &args.junit {
         write_atomically(path, junit(&suite).as_bytes()).map_err(TaskError::from)?;
     }
@@ -130,6 +132,40 @@ pub(super) fn run(args: SuiteArgs) -> anyhow::Result<u8> {
         return Ok(130);
     }
     Ok(u8::from(suite.totals.successes < suite.totals.episodes))
+}
+
+/// The page that links the report of every episode.
+fn index(suite: &Suite, folder: &Path) -> String {
+    let lines: Vec<IndexLine<'_>> = suite
+        .episodes
+        .iter()
+        .map(|e| {
+            let report = format!("{}-{}/report.html", e.id, e.seed);
+            let stage = e.failed_stage.and_then(|stage| serde_json::to_value(stage).ok());
+            let stage = stage.as_ref().and_then(|stage| stage.as_str()).map(|stage| format!("{stage}: "));
+            IndexLine {
+                episode: &e.id,
+                seed: e.seed,
+                success: e.success,
+                why: stage.unwrap_or_default() + e.reason.as_deref().unwrap_or_default(),
+                metrics: e.metrics.as_ref(),
+                report: folder.join(&report).is_file().then_some(report),
+            }
+        })
+        .collect();
+    let t = &suite.totals;
+    let [low, high] = t.success_interval.map(|share| 100.0 * share);
+    let text = format!(
+        "{} of {} episodes succeeded ({:.0} %, 95 % interval {low:.0} to {high:.0} %); {} collisions, {} limit violations, \
+         {:.0} simulated seconds.",
+        t.successes,
+        t.episodes,
+        100.0 * t.success_rate,
+        t.collisions,
+        t.limit_violations,
+        t.sim_time_s
+    );
+    index_page(&text, &lines)
 }
 
 fn set_threads_once(threads: u16, first: bool) -> Result<(), TaskError> {

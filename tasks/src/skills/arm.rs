@@ -1,6 +1,7 @@
 //! Moving the arm: to joint values, along a named path of postures, and to tool poses by the QP controller.
 
 use crate::agent::{Agent, Halt};
+use crate::journal::ControlSample;
 use dsm::Pose;
 use dsm::time::Span;
 use dsm_robot::control::{ControlOutput, ControlStatus, Controller, ControllerConfig, JointMove, ToolGoal};
@@ -62,6 +63,7 @@ pub fn move_joints(agent: &mut Agent, goal: &JointPositions, obstacles: &[Obstac
         let state = agent.arm_state()?;
         motion.set_other_joints(agent.configuration()?.positions());
         let output = motion.tick(&state, obstacles, agent.period().as_s());
+        agent.journal.control = Some(margins(&output));
         agent.tick(Twist::default(), &output.velocities)?;
         if let Some(outcome) = judge(&output, &mut watch, agent.now().as_s()) {
             if outcome != ArmOutcome::Reached {
@@ -130,11 +132,16 @@ pub fn move_tool(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<ArmOutcome,
         let state = agent.arm_state()?;
         controller.set_other_joints(agent.configuration()?.positions());
         let output = controller.tick(&state, &goal, motion.obstacles, agent.period().as_s());
+        agent.journal.control = Some(margins(&output));
         agent.tick(Twist::default(), &output.velocities)?;
         if let Some(outcome) = judge(&output, &mut watch, agent.now().as_s()) {
             return Ok(outcome);
         }
     }
+}
+
+fn margins(output: &ControlOutput) -> ControlSample {
+    ControlSample { error: output.error_m, distance_m: output.min_distance_m, active_rows: output.active_rows }
 }
 
 fn judge(output: &ControlOutput, watch: &mut Watch, now_s: f64) -> Option<ArmOutcome> {
