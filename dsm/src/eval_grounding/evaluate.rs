@@ -72,11 +72,15 @@ pub fn evaluate(
     now_us: impl Fn() -> u64 + Sync,
 ) -> (Vec<Prediction>, Report) {
     let maps: BTreeMap<&str, Map> = scenes.iter().map(|(id, scene)| (id.as_str(), scene.import())).collect();
+    let fronts: BTreeMap<&str, _> = scenes.iter().map(|(id, scene)| (id.as_str(), scene.fronts())).collect();
     let answer = |query: &QueryLine| {
         let before_us = now_us();
         let scene = scenes.get(&query.scene_id);
         let map = maps.get(query.scene_id.as_str());
-        let grounding = map.map(|map| grounder.ground(map, &query.utterance, None));
+        let fronts = fronts.get(query.scene_id.as_str());
+        let grounding = map.zip(fronts).map(|(map, fronts)| {
+            grounder.ground_with_fronts(map, fronts, &query.utterance, None)
+        });
         let guess = grounding.as_ref().and_then(|g| g.object_id);
         let object = scene.zip(guess).and_then(|(scene, id)| scene.objects.get(id.0 as usize));
         Prediction {

@@ -5,6 +5,7 @@ use super::command::without_verb;
 use super::config::{GroundConfig, GroundConfigError};
 use super::decide::{self, Choice};
 use super::filter::{self, Context};
+use super::noun::Names;
 use super::parse::{Attachment, parse_query};
 use super::query::{Noun, Query};
 use super::rooms;
@@ -15,8 +16,9 @@ use super::words::tokens_of;
 use super::{Article, GroundingStatus};
 use crate::Pose;
 use crate::knowledge::Knowledge;
-use crate::map::Map;
+use crate::map::{Map, ObjectId};
 use crate::raster::Renderer;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Grounds referring expressions in a map.
@@ -46,19 +48,32 @@ impl Grounder {
     /// What the words mean in the map. `world_from_viewer` is the robot's base or camera: left, right, nearest and the
     /// like are its. A command's verb is skipped, so that "grasp the red apple" grounds the apple.
     pub fn ground(&self, map: &Map, text: &str, world_from_viewer: Option<&Pose>) -> Grounding {
+        self.ground_with_fronts(map, &BTreeMap::new(), text, world_from_viewer)
+    }
+
+    /// As [`ground`](Self::ground), where the front of some objects is known: the direction in the world's floor plane
+    /// in which it points. Left and right of such an object are those of a viewer who faces its front.
+    pub fn ground_with_fronts(
+        &self,
+        map: &Map,
+        fronts: &BTreeMap<ObjectId, [f64; 2]>,
+        text: &str,
+        world_from_viewer: Option<&Pose>,
+    ) -> Grounding {
         let tokens = tokens_of(text);
         let words = without_verb(&tokens);
-        let Some(near) = parse_query(words, &self.knowledge, Attachment::Nearest) else {
+        let names = Names::of(map);
+        let Some(near) = parse_query(words, &self.knowledge, &names, Attachment::Nearest) else {
             let reason = if tokens.is_empty() { "there are no words" } else { "no thing or room is named" };
             return Grounding::unparsed(reason, self.verifier.name());
         };
-        let scene = Scene::new(map, world_from_viewer);
+        let scene = Scene::new(map, world_from_viewer).with_fronts(fronts);
         let answer = self.answer(&scene, near.clone());
         if answer.status == GroundingStatus::Found {
             return answer;
         }
         // "the cup on the table next to the window": when the table's window decides nothing, it may be the cup's.
-        match parse_query(words, &self.knowledge, Attachment::Target).filter(|target| *target != near) {
+        match parse_query(words, &self.knowledge, &names, Attachment::Target).filter(|target| *target != near) {
             Some(target) => {
                 Some(self.answer(&scene, target)).filter(|a| a.status == GroundingStatus::Found).unwrap_or(answer)
             }

@@ -29,6 +29,7 @@ mod decide;
 mod filter;
 mod grounder;
 mod lexicon;
+mod likeness;
 mod noun;
 mod parse;
 mod query;

@@ -6,7 +6,7 @@
 //! ```
 //! Words that the grammar does not know are skipped: people say more than is needed.
 
-use super::noun::{self, Head};
+use super::noun::{self, Head, Names};
 use super::query::{
     Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection,
 };
@@ -28,8 +28,8 @@ const MAX_DEPTH: usize = 5;
 const MAX_ENTITIES: usize = 16;
 
 /// Parses a noun phrase with all its modifiers; `None` when it names nothing at all.
-pub(super) fn parse_query(tokens: &[String], knowledge: &Knowledge, attachment: Attachment) -> Option<Query> {
-    let mut parser = Parser { tokens, at: 0, knowledge, attachment, entities: 0, known_words: 0 };
+pub(super) fn parse_query(tokens: &[String], knowledge: &Knowledge, names: &Names, attachment: Attachment) -> Option<Query> {
+    let mut parser = Parser { tokens, at: 0, knowledge, names, attachment, entities: 0, known_words: 0 };
     let mut target = parser.parse_target()?;
     // Further sentences speak of the target.
     while parser.at < tokens.len() {
@@ -47,6 +47,7 @@ struct Parser<'a> {
     tokens: &'a [String],
     at: usize,
     knowledge: &'a Knowledge,
+    names: &'a Names,
     attachment: Attachment,
     entities: usize,
     known_words: usize,
@@ -114,7 +115,7 @@ impl Parser<'_> {
             return None;
         }
         let words = &self.tokens[self.at..self.at + run];
-        let head = noun::find_head(words, self.knowledge);
+        let head = noun::find_head(words, self.knowledge, self.names);
         self.known_words += usize::from(head.known);
         self.read_premodifiers(&words[..head.start], &mut entity);
         self.at += run;
@@ -295,7 +296,7 @@ impl Parser<'_> {
         self.parse_article();
         let run = self.content_run();
         let foreign = article && run > 0 && {
-            let head = noun::find_head(&self.tokens[self.at..self.at + run], self.knowledge);
+            let head = noun::find_head(&self.tokens[self.at..self.at + run], self.knowledge, self.names);
             match (&head.noun, target) {
                 (Noun::Thing(said), Noun::Thing(meant)) if head.known => self.knowledge.similarity(said, meant) < 0.5,
                 _ => false,

@@ -3,7 +3,7 @@
 use super::answer::ReferenceFrame;
 use crate::Pose;
 use crate::geometry::Aabb;
-use crate::map::{Map, MapObject, RelationKind, Room};
+use crate::map::{Map, MapObject, ObjectId, RelationKind, Room};
 use nalgebra::{Point2, Point3, Vector2};
 use std::collections::BTreeMap;
 
@@ -23,6 +23,8 @@ pub(super) struct Scene<'a> {
     /// Middle of all objects, in the world frame.
     pub(super) center: Point2<f64>,
     viewer: Option<Point2<f64>>,
+    /// Where an object's front points, unit in the floor plane, for those whose front is known.
+    pub(super) fronts: BTreeMap<ObjectId, [f64; 2]>,
 }
 
 /// Where a viewer looks when facing a place; both unit, in the world's floor plane.
@@ -56,7 +58,18 @@ impl<'a> Scene<'a> {
         }
         let center = all.map_or(Point2::origin(), |b| b.center().xy());
         let viewer = world_from_viewer.map(|pose| Point3::from(pose.translation.vector).xy());
-        Self { map, items, edges, center, viewer: viewer.filter(|v| v.coords.iter().all(|c| c.is_finite())) }
+        let viewer = viewer.filter(|v| v.coords.iter().all(|c| c.is_finite()));
+        Self { map, items, edges, center, viewer, fronts: BTreeMap::new() }
+    }
+
+    /// With known fronts; those without a direction in the floor plane are left out.
+    pub(super) fn with_fronts(mut self, fronts: &BTreeMap<ObjectId, [f64; 2]>) -> Self {
+        let unit = |(id, front): (&ObjectId, &[f64; 2])| {
+            let length = front[0].hypot(front[1]);
+            (length.is_finite() && length > 0.1).then(|| (*id, front.map(|c| c / length)))
+        };
+        self.fronts = fronts.iter().filter_map(unit).collect();
+        self
     }
 
     /// Confidence of a stored relation, 0 when it is not stored.
