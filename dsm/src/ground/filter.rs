@@ -78,7 +78,10 @@ pub(super) fn evaluate(context: Context<'_, '_>, entity: &Entity) -> Evaluation 
     };
     result.push(format!("is a {}", noun_phrase(&entity.noun)), fits_noun.clone(), vec![None; count]);
     for term in &entity.attributes {
-        let scores = retrieve::attribute_scores(scene, term, &fits_noun, knowledge);
+        let mut scores = retrieve::attribute_scores(scene, term, &fits_noun, knowledge);
+        if config.presume_present {
+            likeness::soften(&mut scores, &result.total);
+        }
         let label = format!("{}{}", if term.negated { "not " } else { "" }, term.word);
         result.push(label, scores, vec![None; count]);
     }
@@ -127,8 +130,11 @@ fn ranked_anchors(
 ) -> Vec<(usize, f32)> {
     let anchors = evaluate(context, entity);
     result.see(anchors.frame);
+    // Where names are certain, things of other names are no anchors beside one that bears the name itself.
+    let least_noun = if context.config.presume_present { 0.55 } else { 0.0 };
+    let named = |i: &usize| anchors.factors.first().is_none_or(|noun| noun.scores[*i] >= least_noun);
     let mut ranked: Vec<(usize, f32)> =
-        anchors.total.iter().copied().enumerate().filter(|(_, score)| *score >= 0.02).collect();
+        anchors.total.iter().copied().enumerate().filter(|(i, score)| *score >= 0.02 && named(i)).collect();
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     ranked.truncate(most);
     // The anchor's own doubts count half: they are the same for most candidates.

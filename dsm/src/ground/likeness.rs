@@ -21,11 +21,11 @@ const DOUBT: f32 = 0.06;
 /// The viewer's left and the direction away from the viewer, at an anchor; unit, in the floor plane.
 fn frame_at(scene: &Scene<'_>, anchor: usize) -> (Vector2<f64>, Vector2<f64>) {
     match scene.fronts.get(&scene.items[anchor].object.id) {
-        Some(front) => {
+        Some(front) if !scene.is_told() => {
             let forward = -Vector2::new(front[0], front[1]);
             (Vector2::new(-forward.y, forward.x), forward)
         }
-        None => {
+        _ => {
             let view = scene.view_to(scene.items[anchor].bounds.center().xy());
             (view.left, view.forward)
         }
@@ -132,6 +132,14 @@ pub(super) fn relative_to_best(scores: &mut [f32], total: &[f32]) {
     for score in scores.iter_mut() {
         *score = (*score + DOUBT * best.max(0.05)) / (best + DOUBT * best.max(0.05));
     }
+}
+
+/// As [`relative_to_best`] for attributes, which people and boxes tell less surely than places.
+pub(super) fn soften(scores: &mut [f32], total: &[f32]) {
+    /// What a candidate with the worst fit keeps.
+    const KEPT: f32 = 0.3;
+    let best = scores.iter().zip(total).filter(|(_, t)| **t > 0.0).map(|(s, _)| *s).fold(0.0, f32::max).max(0.05);
+    scores.iter_mut().for_each(|score| *score = KEPT + (1.0 - KEPT) * (*score / best).min(1.0));
 }
 
 #[cfg(test)]

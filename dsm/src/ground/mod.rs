@@ -39,6 +39,7 @@ mod rooms;
 mod scene;
 mod select;
 mod verify;
+mod viewpoint;
 mod views;
 mod words;
 
@@ -51,6 +52,7 @@ pub use config::{GroundConfig, GroundConfigError};
 pub use grounder::Grounder;
 pub use query::{
     Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection,
+    Viewpoint,
 };
 pub use verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
 pub use views::CandidateViews;

@@ -19,11 +19,15 @@ pub(super) struct Head {
 }
 
 /// The names that the map's objects bear: known words, whatever the tables hold.
-pub(super) struct Names(BTreeSet<String>);
+pub(super) struct Names {
+    known: BTreeSet<String>,
+    /// Whether what is described is known to be there.
+    pub(super) lenient: bool,
+}
 
 impl Names {
     /// The winning names of the stable objects, with their singular forms.
-    pub(super) fn of(map: &Map) -> Self {
+    pub(super) fn of(map: &Map, lenient: bool) -> Self {
         let mut names = BTreeSet::new();
         for object in map.stable_objects() {
             let name = normalize(object.name());
@@ -31,12 +35,12 @@ impl Names {
             names.insert(name);
         }
         names.remove("");
-        Self(names)
+        Self { known: names, lenient }
     }
 
     /// Whether some object is called so, in singular or plural.
     pub(super) fn contain(&self, phrase: &str) -> bool {
-        self.0.contains(phrase) || singular_of(phrase).iter().any(|singular| self.0.contains(singular))
+        self.known.contains(phrase) || singular_of(phrase).iter().any(|singular| self.known.contains(singular))
     }
 }
 

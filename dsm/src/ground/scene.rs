@@ -25,6 +25,8 @@ pub(super) struct Scene<'a> {
     viewer: Option<Point2<f64>>,
     /// Where an object's front points, unit in the floor plane, for those whose front is known.
     pub(super) fronts: BTreeMap<ObjectId, [f64; 2]>,
+    /// Where the viewer is said to look, whatever is asked; unit.
+    told: Option<Vector2<f64>>,
 }
 
 /// Where a viewer looks when facing a place; both unit, in the world's floor plane.
@@ -59,7 +61,18 @@ impl<'a> Scene<'a> {
         let center = all.map_or(Point2::origin(), |b| b.center().xy());
         let viewer = world_from_viewer.map(|pose| Point3::from(pose.translation.vector).xy());
         let viewer = viewer.filter(|v| v.coords.iter().all(|c| c.is_finite()));
-        Self { map, items, edges, center, viewer, fronts: BTreeMap::new() }
+        Self { map, items, edges, center, viewer, fronts: BTreeMap::new(), told: None }
+    }
+
+    /// As seen by a viewer who looks in the direction `forward`.
+    pub(super) fn facing(mut self, forward: Vector2<f64>) -> Self {
+        self.told = Some(forward);
+        self
+    }
+
+    /// Whether the words tell where the viewer looks.
+    pub(super) fn is_told(&self) -> bool {
+        self.told.is_some()
     }
 
     /// With known fronts; those without a direction in the floor plane are left out.
@@ -85,6 +98,9 @@ impl<'a> Scene<'a> {
 
     /// The viewer's frame when facing `place`: the given viewer, else one at the middle of the map, else along world x.
     pub(super) fn view_to(&self, place: Point2<f64>) -> View {
+        if let Some(forward) = self.told {
+            return View { forward, left: Vector2::new(-forward.y, forward.x), frame: ReferenceFrame::Viewer };
+        }
         let from = |eye: Point2<f64>, frame| {
             let forward = place - eye;
             (forward.norm() > NEAREST_VIEW_M).then(|| (forward.normalize(), frame))
