@@ -6,8 +6,8 @@
 
 use super::answer::ReferenceFrame;
 use super::config::GroundConfig;
-use super::query::{Entity, Noun, RelationTerm, RelationWord};
 use super::likeness;
+use super::query::{Entity, Noun, RelationTerm, RelationWord};
 use super::relate;
 use super::retrieve;
 use super::rooms;
@@ -21,6 +21,8 @@ const MAX_ANCHORS: usize = 48;
 const MAX_BETWEEN: usize = 16;
 /// Candidates that score below this share of the best take no part in comparisons ("closest", "largest").
 const COMPARED_SHARE: f32 = 0.6;
+/// Distance over which "far from" falls to 1/e short of the farthest candidate, metres.
+const FAR_M: f64 = 3.0;
 /// Categories that bound the map without being objects of it.
 const BOUNDS: [&str; 3] = ["wall", "floor", "ceiling"];
 
@@ -138,6 +140,10 @@ fn ranked_anchors(
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     ranked.truncate(most);
     // The anchor's own doubts count half: they are the same for most candidates.
+    if context.config.presume_present {
+        let best = ranked.first().map_or(1.0, |first| first.1);
+        return ranked.into_iter().map(|(i, score)| (i, (score / best).sqrt())).collect();
+    }
     ranked.into_iter().map(|(i, score)| (i, score.sqrt())).collect()
 }
 
@@ -168,7 +174,11 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
             return;
         }
         if anchors.is_empty() {
-            let missing = if term.negated || context.config.presume_present { 1.0 } else { missing_anchor_score(context, &term.anchors[0]) };
+            let missing = if term.negated || context.config.presume_present {
+                1.0
+            } else {
+                missing_anchor_score(context, &term.anchors[0])
+            };
             result.push(
                 format!("{label} (no such anchor in the map)"),
                 vec![missing; scene.items.len()],
@@ -298,7 +308,7 @@ fn push_comparison(context: Context<'_, '_>, term: &RelationTerm, result: &mut E
     let sign = if matches!(term.word, RelationWord::Closest) { 1.0 } else { -1.0 };
     let keys: Vec<f64> = found.iter().map(|f| f.map_or(f64::INFINITY, |(distance, _)| sign * distance)).collect();
     let scores = if context.config.presume_present {
-        let reach = |key: f64| if key.is_finite() { (-key / 3.0).exp() as f32 } else { 0.0 };
+        let reach = |key: f64| if key.is_finite() { (-key / FAR_M).exp() as f32 } else { 0.0 };
         let mut scores: Vec<f32> = keys.iter().copied().map(reach).collect();
         likeness::relative_to_best(&mut scores, &result.total);
         scores

@@ -100,9 +100,8 @@ impl Grounder {
         collect_anchors(&query.target, &mut anchors);
         let named = (0..words.len()).find_map(|start| {
             let ends = (start + 1..=words.len().min(start + 3)).rev();
-            ends.map(|end| words[start..end].join(" ")).find(|phrase| {
-                names.contain(phrase) && !anchors.iter().any(|anchor| anchor == phrase)
-            })
+            ends.map(|end| words[start..end].join(" "))
+                .find(|phrase| names.contain(phrase) && !anchors.iter().any(|anchor| anchor == phrase))
         });
         query.target.noun = named.map_or(Noun::Anything, Noun::Thing);
         query

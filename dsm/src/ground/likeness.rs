@@ -14,9 +14,13 @@ use nalgebra::{Point2, Vector2};
 /// Distance over which "near" falls to 1/e.
 const NEAR_M: f64 = 1.0;
 /// Share of the centre distance that breaks ties between boxes that touch.
-const TIE: f64 = 0.05;
+const TIE: f64 = 0.1;
+/// How much a direction says less per metre of distance.
+const FADING_PER_M: f64 = 0.4;
 /// What the best-fitting candidate's rivals keep at least: words may be misread.
-const DOUBT: f32 = 0.06;
+const DOUBT: f32 = 0.15;
+/// What a candidate with the worst fit of an attribute keeps.
+const KEPT: f32 = 0.3;
 
 /// The viewer's left and the direction away from the viewer, at an anchor; unit, in the floor plane.
 fn frame_at(scene: &Scene<'_>, anchor: usize) -> (Vector2<f64>, Vector2<f64>) {
@@ -77,7 +81,7 @@ fn directed(scene: &Scene<'_>, word: RelationWord, a: &Aabb, anchor: usize) -> f
     let offset = a.center().xy() - b.center().xy();
     let cosine = offset.dot(&wanted) / offset.norm().max(1e-6);
     let level = 0.7 + 0.3 * f64::from(u8::from(height_share(a, b).max(height_share(b, a)) > 0.1));
-    (0.5 + 0.5 * cosine).powi(3) * (-0.25 * box_distance_m(a, b)).exp() * level
+    (0.5 + 0.5 * cosine).powi(2) * (-FADING_PER_M * box_distance_m(a, b)).exp() * level
 }
 
 /// Share of the target's footprint that lies in the hull of both anchors' footprints.
@@ -91,7 +95,8 @@ pub(super) fn between_score(scene: &Scene<'_>, target: usize, first: usize, seco
     let hull = convex_hull([corners(bounds(first)), corners(bounds(second))].concat());
     let own = bounds(target);
     let at = |i: u32, low: f64, high: f64| low + (f64::from(i) + 0.5) / f64::from(GRID) * (high - low);
-    let cells = (0..GRID * GRID).map(|i| Point2::new(at(i % GRID, own.min.x, own.max.x), at(i / GRID, own.min.y, own.max.y)));
+    let cells =
+        (0..GRID * GRID).map(|i| Point2::new(at(i % GRID, own.min.x, own.max.x), at(i / GRID, own.min.y, own.max.y)));
     let share = cells.filter(|p| is_inside(&hull, p)).count() as f64 / f64::from(GRID * GRID);
     let (a, b, p) = (bounds(first).center().xy(), bounds(second).center().xy(), own.center().xy());
     let detour = (p - a).norm() + (p - b).norm() - (b - a).norm();
@@ -136,8 +141,6 @@ pub(super) fn relative_to_best(scores: &mut [f32], total: &[f32]) {
 
 /// As [`relative_to_best`] for attributes, which people and boxes tell less surely than places.
 pub(super) fn soften(scores: &mut [f32], total: &[f32]) {
-    /// What a candidate with the worst fit keeps.
-    const KEPT: f32 = 0.3;
     let best = scores.iter().zip(total).filter(|(_, t)| **t > 0.0).map(|(s, _)| *s).fold(0.0, f32::max).max(0.05);
     scores.iter_mut().for_each(|score| *score = KEPT + (1.0 - KEPT) * (*score / best).min(1.0));
 }

@@ -51,8 +51,7 @@ pub use command::{Action, Command, Unparsed, parse_command};
 pub use config::{GroundConfig, GroundConfigError};
 pub use grounder::Grounder;
 pub use query::{
-    Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection,
-    Viewpoint,
+    Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection, Viewpoint,
 };
 pub use verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
 pub use views::CandidateViews;

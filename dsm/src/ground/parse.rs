@@ -28,7 +28,12 @@ const MAX_DEPTH: usize = 5;
 const MAX_ENTITIES: usize = 16;
 
 /// Parses a noun phrase with all its modifiers; `None` when it names nothing at all.
-pub(super) fn parse_query(tokens: &[String], knowledge: &Knowledge, names: &Names, attachment: Attachment) -> Option<Query> {
+pub(super) fn parse_query(
+    tokens: &[String],
+    knowledge: &Knowledge,
+    names: &Names,
+    attachment: Attachment,
+) -> Option<Query> {
     let lenient = names.lenient;
     let mut parser = Parser {
         tokens,
@@ -141,7 +146,24 @@ impl Parser<'_> {
             && self.peek().is_some_and(|word| {
                 matches!(
                     word,
-                    "of" | "we" | "i" | "am" | "want" | "looking" | "pick" | "choose" | "select" | "find" | "click" | "its" | "hit" | "please" | "thisis" | "see" | "need" | "can" | "was"
+                    "of" | "we"
+                        | "i"
+                        | "am"
+                        | "want"
+                        | "looking"
+                        | "pick"
+                        | "choose"
+                        | "select"
+                        | "find"
+                        | "click"
+                        | "its"
+                        | "hit"
+                        | "please"
+                        | "thisis"
+                        | "see"
+                        | "need"
+                        | "can"
+                        | "was"
                 ) && self.rest().get(1).is_none_or(|next| next != "at")
             })
         {
@@ -176,7 +198,7 @@ impl Parser<'_> {
         let mut article = Article::Definite;
         while let Some(word) = self.peek() {
             match word {
-                "a" | "an" | "some" | "any" => article = Article::Indefinite,
+                "a" | "an" | "some" | "any" | "another" => article = Article::Indefinite,
                 "the" | "this" | "that" | "these" | "those" | "my" | "your" | "our" | "his" | "her" | "its" | "all"
                 | "very" | "both" | "other" => article = Article::Definite,
                 _ => break,
@@ -281,11 +303,25 @@ impl Parser<'_> {
             if depth == 0 && self.next_is(&["."]) && self.skip_foreign_sentence(entity) {
                 continue;
             }
-            if self.lenient && entity.noun == Noun::Anything && depth == 0
+            if self.lenient
+                && entity.noun == Noun::Anything
+                && depth == 0
                 && self.peek().is_some_and(|word| matches!(word, "is" | "are" | "was"))
                 && self.adopt_predicate(entity)
             {
                 continue;
+            }
+            if self.lenient
+                && self.peek().is_some_and(|word| matches!(word, "when" | "if" | "while" | "once" | "assuming"))
+            {
+                if depth > 0 {
+                    return;
+                }
+                let start = self.at;
+                self.read_viewpoint();
+                if self.at > start {
+                    continue;
+                }
             }
             if let Some(word) = self.read_its_side() {
                 match depth {
@@ -294,7 +330,10 @@ impl Parser<'_> {
                 }
                 continue;
             }
-            if self.lenient && depth == 0 && let Some(rank) = self.read_ordinal() {
+            if self.lenient
+                && depth == 0
+                && let Some(rank) = self.read_ordinal()
+            {
                 entity.selections.insert(0, Selection { order: Order::Leftmost, rank });
                 continue;
             }
@@ -407,9 +446,15 @@ impl Parser<'_> {
             return;
         }
         self.about_target = None;
-        let Some(first) = self.parse_entity(depth + 1) else { return };
+        let Some(mut first) = self.parse_entity(depth + 1) else { return };
+        if self.lenient && first.noun == Noun::Anything && first.relations.is_empty() {
+            // "in the middle of the other two", "next to the tall one"
+            first.noun = entity.noun.clone();
+        }
         // "with a lamp to its right": the target stands to the left of the lamp.
-        if depth == 0 && let Some(said) = self.about_target.take() {
+        if depth == 0
+            && let Some(said) = self.about_target.take()
+        {
             let word = viewpoint::inverse(said).unwrap_or(word);
             entity.relations.push(RelationTerm { word, negated, anchors: vec![first] });
             return;
@@ -494,14 +539,15 @@ impl Parser<'_> {
 
     /// "facing the cabinets, right": a side that nothing follows.
     fn stands_alone(&self) -> bool {
-        self.lenient && self.rest().get(1).is_none_or(|next| matches!(next.as_str(), "," | "." | "one" | "and" | "side"))
+        self.lenient
+            && self.rest().get(1).is_none_or(|next| matches!(next.as_str(), "," | "." | "one" | "and" | "side"))
     }
 
     /// "that is red", ", red ,", "is the largest".
     fn read_predicate(&mut self, entity: &mut Entity, allowed: bool, negated: bool) -> bool {
         let Some(word) = self.peek().filter(|_| allowed) else { return false };
-        if let Some(order) =
-            words::find_superlative(word).filter(|_| !matches!(word, "left" | "right" | "top" | "bottom") || self.stands_alone())
+        if let Some(order) = words::find_superlative(word)
+            .filter(|_| !matches!(word, "left" | "right" | "top" | "bottom") || self.stands_alone())
         {
             self.at += 1;
             entity.selections.push(Selection { order, rank: 1 });

@@ -171,6 +171,8 @@ pub enum Order {
     Middle,
     /// Closest to the middle of the map first.
     Central,
+    /// Closest to a corner of the map first.
+    Corner,
 }
 
 /// Which one of several.

@@ -84,7 +84,7 @@ pub(super) fn literal_noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Kn
             let headed = if last(&other) == last(&spelled) { SAME_HEAD } else { 0.0 };
             match alike {
                 s if s >= 0.99 => SAME_MEANING,
-                s if s >= 0.85 => 0.25_f32,
+                s if s >= 0.85 => 0.15_f32,
                 s if s >= 0.6 => 0.15,
                 s if s >= 0.5 => 0.05,
                 _ => 0.0,

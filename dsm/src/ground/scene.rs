@@ -64,6 +64,15 @@ impl<'a> Scene<'a> {
         Self { map, items, edges, center, viewer, fronts: BTreeMap::new(), told: None }
     }
 
+    /// The box around all objects; empty at the origin without any.
+    pub(super) fn extent(&self) -> Aabb {
+        let first =
+            self.items.first().map_or(Aabb { min: Point3::origin(), max: Point3::origin() }, |item| item.bounds);
+        self.items
+            .iter()
+            .fold(first, |all, item| Aabb { min: all.min.inf(&item.bounds.min), max: all.max.sup(&item.bounds.max) })
+    }
+
     /// As seen by a viewer who looks in the direction `forward`.
     pub(super) fn facing(mut self, forward: Vector2<f64>) -> Self {
         self.told = Some(forward);

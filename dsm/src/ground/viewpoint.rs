@@ -23,14 +23,20 @@ impl Parser<'_> {
             return;
         }
         let start = self.at;
-        let length = self.rest().iter().position(|token| matches!(token.as_str(), "," | ".")).unwrap_or(self.rest().len());
+        let length =
+            self.rest().iter().position(|token| matches!(token.as_str(), "," | ".")).unwrap_or(self.rest().len());
         let clause = self.rest()[..length].to_vec();
         let faced = clause.iter().rposition(|word| FACED.contains(&word.as_str()));
         let enters = clause.iter().position(|word| ENTERING.contains(&word.as_str()));
-        if let Some(place) = faced {
+        let front = clause.windows(2).rposition(|pair| pair[0] == "front" && pair[1] == "of").map(|place| place + 1);
+        let back = clause.iter().position(|word| word == "back").and_then(|place| {
+            clause[place..].iter().position(|word| matches!(word.as_str(), "to" | "against")).map(|next| place + next)
+        });
+        let turned = back.filter(|_| faced.is_none());
+        if let Some(place) = turned.or(faced).or(front) {
             self.at = start + place + 1;
             if let Some(at) = self.parse_entity(1) {
-                self.viewpoint.get_or_insert(Viewpoint { at, entering: false });
+                self.viewpoint.get_or_insert(Viewpoint { at, entering: turned.is_some() });
             }
         } else if enters.is_some() {
             let at = Entity::named(Noun::Thing("door".to_owned()));
@@ -42,7 +48,8 @@ impl Parser<'_> {
             return;
         }
         if start + length < self.tokens.len() {
-            self.at = start + length + 1;
+            // A mark between sentences stays: what follows is a sentence of its own.
+            self.at = start + length + usize::from(self.tokens[start + length] == ",");
         }
     }
 
@@ -72,7 +79,10 @@ impl Parser<'_> {
     /// "to its left there is a desk", "on the right of it is a door": the thing that follows, the other way round.
     pub(super) fn read_thing_beside_it(&mut self, target: &mut Entity, word: RelationWord) {
         let start = self.at;
-        while self.peek().is_some_and(|word| matches!(word, "," | "there" | "is" | "are" | "we" | "you" | "can" | "see")) {
+        while self
+            .peek()
+            .is_some_and(|word| matches!(word, "," | "there" | "is" | "are" | "we" | "you" | "can" | "see"))
+        {
             self.at += 1;
         }
         let article = self.peek().is_some_and(|word| matches!(word, "the" | "a" | "an" | "another"));
