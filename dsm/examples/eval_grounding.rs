@@ -14,9 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let scenes = read_scenes(&std::fs::read_to_string(scenes)?)?;
     let queries = read_queries(&std::fs::read_to_string(queries)?)?;
-    // Every query has a target: a guess is better than none, and views add nothing to boxes without points.
-    let config = GroundConfig { violated_below: 0.05, missing_anchor: 0.3, verify: false, ..GroundConfig::default() };
-    let grounder = Grounder::new(config, Arc::new(Knowledge::embedded()?))?;
+    let grounder = Grounder::new(GroundConfig::referring(), Arc::new(Knowledge::embedded()?))?;
     let start = std::time::Instant::now();
     let (answers, report) = evaluate(&scenes, &queries, &grounder, || start.elapsed().as_micros() as u64);
     let lines: Result<Vec<String>, _> = answers.iter().map(serde_json::to_string).collect();

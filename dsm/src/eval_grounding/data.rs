@@ -31,6 +31,9 @@ pub struct BoxObject {
     pub size: [f64; 3],
     /// Mean colour, sRGB, 0 to 255.
     pub mean_rgb: Option<[f64; 3]>,
+    /// Where its front points, unit, when known.
+    #[serde(default)]
+    pub front: Option<[f64; 3]>,
 }
 
 /// One scene.
@@ -113,6 +116,12 @@ impl TargetBox {
 }
 
 impl SceneLine {
+    /// The known fronts in the floor plane, by [`ObjectId`].
+    pub fn fronts(&self) -> BTreeMap<ObjectId, [f64; 2]> {
+        let fronts = self.objects.iter().enumerate();
+        fronts.filter_map(|(i, object)| Some((ObjectId(i as u64), object.front.map(|[x, y, _]| [x, y])?))).collect()
+    }
+
     /// The boxes as a map. [`ObjectId`]s are positions in `objects`; colours become one point at the centre.
     pub fn import(&self) -> Map {
         let mut map = Map::new(0.05);

@@ -42,8 +42,65 @@ pub struct Report {
     pub tier: String,
     /// Rates by `dataset` and `dataset/split`.
     pub rates: BTreeMap<String, Rate>,
+    /// Queries by data set.
+    pub queries: BTreeMap<String, usize>,
+    /// Queries whose truth is known.
+    pub judged: usize,
     /// Queries without a guess, by data set.
     pub abstained: BTreeMap<String, usize>,
+    /// Wall time per query.
+    pub time_us: TimeUs,
+}
+
+/// Wall times in microseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct TimeUs {
+    /// Half of the queries took no longer.
+    pub p50: u64,
+    /// 95 % of the queries took no longer.
+    pub p95: u64,
+    /// The slowest query.
+    pub max: u64,
+}
+
+impl TimeUs {
+    fn of(predictions: &[Prediction]) -> Self {
+        let mut times: Vec<u64> = predictions.iter().map(|prediction| prediction.time_us).collect();
+        times.sort_unstable();
+        let at = |place: usize| times.get(place.min(times.len().saturating_sub(1))).copied().unwrap_or(0);
+        Self { p50: at(times.len() / 2), p95: at(times.len() * 95 / 100), max: at(times.len()) }
+    }
+}
+
+/// Pairs of splits that share out a data set between them.
+const PARTITIONS: [[&str; 2]; 3] = [["easy", "hard"], ["view_dep", "view_indep"], ["unique", "multiple"]];
+
+/// Why a report cannot be right: an overall rate outside the range of its splits, or splits that do not add up.
+pub fn find_contradiction(report: &Report) -> Option<String> {
+    for (name, all) in report.rates.iter().filter(|(name, _)| !name.contains('/')) {
+        for pair in PARTITIONS {
+            let parts: Vec<&Rate> =
+                pair.iter().filter_map(|part| report.rates.get(&format!("{name}/{part}"))).collect();
+            // A split that is not stated for every query says nothing of the whole.
+            if parts.is_empty() || parts.iter().map(|part| part.count).sum::<usize>() < all.count {
+                continue;
+            }
+            let low = parts.iter().map(|part| part.percent).fold(f64::INFINITY, f64::min);
+            let high = parts.iter().map(|part| part.percent).fold(f64::NEG_INFINITY, f64::max);
+            let outside = all.percent < low - 1e-9 || all.percent > high + 1e-9;
+            let right: usize = parts.iter().map(|part| part.right).sum();
+            let count: usize = parts.iter().map(|part| part.count).sum();
+            if outside || right != all.right || count != all.count {
+                return Some(format!(
+                    "{name} is {:.2} % of {}, but {} are {low:.2} to {high:.2} %",
+                    all.percent,
+                    all.count,
+                    pair.join(" and ")
+                ));
+            }
+        }
+    }
+    None
 }
 
 impl Rate {
@@ -72,11 +129,14 @@ pub fn evaluate(
     now_us: impl Fn() -> u64 + Sync,
 ) -> (Vec<Prediction>, Report) {
     let maps: BTreeMap<&str, Map> = scenes.iter().map(|(id, scene)| (id.as_str(), scene.import())).collect();
+    let fronts: BTreeMap<&str, _> = scenes.iter().map(|(id, scene)| (id.as_str(), scene.fronts())).collect();
     let answer = |query: &QueryLine| {
         let before_us = now_us();
         let scene = scenes.get(&query.scene_id);
         let map = maps.get(query.scene_id.as_str());
-        let grounding = map.map(|map| grounder.ground(map, &query.utterance, None));
+        let fronts = fronts.get(query.scene_id.as_str());
+        let grounding =
+            map.zip(fronts).map(|(map, fronts)| grounder.ground_with_fronts(map, fronts, &query.utterance, None));
         let guess = grounding.as_ref().and_then(|g| g.object_id);
         let object = scene.zip(guess).and_then(|(scene, id)| scene.objects.get(id.0 as usize));
         Prediction {
@@ -90,8 +150,10 @@ pub fn evaluate(
     let predictions: Vec<Prediction> = queries.par_iter().map(answer).collect();
     let mut counts: BTreeMap<String, [usize; 2]> = BTreeMap::new();
     let mut abstained: BTreeMap<String, usize> = BTreeMap::new();
+    let mut asked: BTreeMap<String, usize> = BTreeMap::new();
     for (query, prediction) in queries.iter().zip(&predictions) {
         *abstained.entry(query.dataset.clone()).or_default() += usize::from(prediction.predicted_id.is_none());
+        *asked.entry(query.dataset.clone()).or_default() += 1;
         for (name, right) in outcomes(scenes.get(&query.scene_id), query, prediction) {
             for key in std::iter::once(name.clone()).chain(splits(query).map(|split| format!("{name}/{split}"))) {
                 let count = counts.entry(key).or_default();
@@ -103,7 +165,9 @@ pub fn evaluate(
     let rates = counts.into_iter().map(|(key, [right, count])| (key, Rate::new(right, count))).collect();
     let detected = queries.iter().any(|query| query.scene_id.ends_with("#det"));
     let tier = if detected { "true boxes and labels; `det`: detected boxes" } else { "true boxes and labels" };
-    (predictions, Report { tier: tier.to_owned(), rates, abstained })
+    let judged = queries.iter().filter(|query| query.target_id.is_some() || query.target_box.is_some()).count();
+    let time_us = TimeUs::of(&predictions);
+    (predictions, Report { tier: tier.to_owned(), rates, queries: asked, judged, abstained, time_us })
 }
 
 /// What is scored of a query: top-1 where the target's identity is known, Acc@.25 and @.5 where its box is.

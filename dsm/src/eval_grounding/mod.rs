@@ -7,4 +7,4 @@ mod data;
 mod evaluate;
 
 pub use data::{BoxObject, DataError, QueryLine, SceneLine, TargetBox, read_queries, read_scenes};
-pub use evaluate::{Prediction, Rate, Report, evaluate};
+pub use evaluate::{Prediction, Rate, Report, TimeUs, evaluate, find_contradiction};

@@ -22,6 +22,10 @@ pub struct GroundConfig {
     pub unknown_anchor: f32,
     /// Lowest score of a relation, so that one wrong edge does not outweigh everything. No unit, default 0.03, range 0.001 to 0.2.
     pub relation_floor: f32,
+    /// Whether the thing that is meant is known to be in the map, as in tests over known boxes: relations compare the
+    /// candidates with each other, and the best guess is given whenever anything bears the name. A robot does not know
+    /// that. Default false.
+    pub presume_present: bool,
     /// Whether the latent relation filter runs (off only for ablations). Default true.
     pub relation_filter: bool,
     /// Whether candidates are verified in rendered views (off for ablations and where only geometry is known). Default true.
@@ -37,6 +41,7 @@ impl Default for GroundConfig {
             missing_anchor: 0.15,
             unknown_anchor: 0.6,
             relation_floor: 0.03,
+            presume_present: false,
             relation_filter: true,
             verify: true,
         }
@@ -58,6 +63,11 @@ pub struct GroundConfigError {
 }
 
 impl GroundConfig {
+    /// For referring expressions over known boxes: what is meant is there, and boxes have no points to be verified in.
+    pub fn referring() -> Self {
+        Self { presume_present: true, verify: false, ..Self::default() }
+    }
+
     /// Checks every range.
     ///
     /// # Errors

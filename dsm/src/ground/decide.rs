@@ -84,10 +84,11 @@ pub(super) fn settle(
 ) -> Settled {
     let absent = |decided_by: String| Settled { status: GroundingStatus::Absent, winner: 0, decided_by };
     let Some(best) = choices.first() else { return absent("nothing in the map has a name like this".to_owned()) };
-    if let Some((label, score)) = best.worst().filter(|(_, score)| *score < config.violated_below) {
+    let violated_below = if config.presume_present { 0.0 } else { config.violated_below };
+    if let Some((label, score)) = best.worst().filter(|(_, score)| *score < violated_below) {
         return absent(format!("no candidate fits: {label} ({score:.2} for the best)"));
     }
-    let fits = |choice: &&Choice| choice.worst().is_none_or(|(_, score)| *score >= config.violated_below);
+    let fits = |choice: &&Choice| choice.worst().is_none_or(|(_, score)| *score >= violated_below);
     let rivals = choices.iter().take_while(|c| c.score >= config.rival_share * best.score).filter(fits).count();
     if rivals <= 1 {
         let decided_by = deciding_constraint(best, choices.get(1));

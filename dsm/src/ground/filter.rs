@@ -6,6 +6,7 @@
 
 use super::answer::ReferenceFrame;
 use super::config::GroundConfig;
+use super::likeness;
 use super::query::{Entity, Noun, RelationTerm, RelationWord};
 use super::relate;
 use super::retrieve;
@@ -20,6 +21,8 @@ const MAX_ANCHORS: usize = 48;
 const MAX_BETWEEN: usize = 16;
 /// Candidates that score below this share of the best take no part in comparisons ("closest", "largest").
 const COMPARED_SHARE: f32 = 0.6;
+/// Distance over which "far from" falls to 1/e short of the farthest candidate, metres.
+const FAR_M: f64 = 3.0;
 /// Categories that bound the map without being objects of it.
 const BOUNDS: [&str; 3] = ["wall", "floor", "ceiling"];
 
@@ -71,17 +74,29 @@ pub(super) fn evaluate(context: Context<'_, '_>, entity: &Entity) -> Evaluation 
     let Context { scene, knowledge, config } = context;
     let count = scene.items.len();
     let mut result = Evaluation { factors: Vec::new(), total: vec![1.0; count], frame: ReferenceFrame::None };
-    let fits_noun = retrieve::noun_scores(scene, &entity.noun, knowledge);
+    let fits_noun = match config.presume_present {
+        true => retrieve::literal_noun_scores(scene, &entity.noun, knowledge),
+        false => retrieve::noun_scores(scene, &entity.noun, knowledge),
+    };
     result.push(format!("is a {}", noun_phrase(&entity.noun)), fits_noun.clone(), vec![None; count]);
     for term in &entity.attributes {
-        let scores = retrieve::attribute_scores(scene, term, &fits_noun, knowledge);
+        let mut scores = retrieve::attribute_scores(scene, term, &fits_noun, knowledge);
+        if config.presume_present {
+            likeness::soften(&mut scores, &result.total);
+        }
         let label = format!("{}{}", if term.negated { "not " } else { "" }, term.word);
         result.push(label, scores, vec![None; count]);
     }
     if !config.relation_filter {
         return result;
     }
-    let compares = |term: &&RelationTerm| matches!(term.word, RelationWord::Closest | RelationWord::Farthest);
+    // Where relations compare anyway, "near" and "closest" mean the same.
+    let compares = |term: &&RelationTerm| match term.word {
+        RelationWord::Farthest => true,
+        RelationWord::Closest => !config.presume_present,
+        RelationWord::Far => config.presume_present,
+        _ => false,
+    };
     for term in entity.relations.iter().filter(|term| !compares(term)) {
         push_relation(context, term, &mut result);
     }
@@ -117,11 +132,18 @@ fn ranked_anchors(
 ) -> Vec<(usize, f32)> {
     let anchors = evaluate(context, entity);
     result.see(anchors.frame);
+    // Where names are certain, things of other names are no anchors beside one that bears the name itself.
+    let least_noun = if context.config.presume_present { 0.55 } else { 0.0 };
+    let named = |i: &usize| anchors.factors.first().is_none_or(|noun| noun.scores[*i] >= least_noun);
     let mut ranked: Vec<(usize, f32)> =
-        anchors.total.iter().copied().enumerate().filter(|(_, score)| *score >= 0.02).collect();
+        anchors.total.iter().copied().enumerate().filter(|(i, score)| *score >= 0.02 && named(i)).collect();
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     ranked.truncate(most);
     // The anchor's own doubts count half: they are the same for most candidates.
+    if context.config.presume_present {
+        let best = ranked.first().map_or(1.0, |first| first.1);
+        return ranked.into_iter().map(|(i, score)| (i, (score / best).sqrt())).collect();
+    }
     ranked.into_iter().map(|(i, score)| (i, score.sqrt())).collect()
 }
 
@@ -142,7 +164,7 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
         result.push(label, scores, vec![None; scene.items.len()]);
         return;
     }
-    let (scores, anchors) = if term.word == RelationWord::Between {
+    let (mut scores, anchors) = if term.word == RelationWord::Between {
         between_scores(context, term, result)
     } else {
         let anchors = ranked_anchors(context, &term.anchors[0], result, MAX_ANCHORS);
@@ -152,7 +174,11 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
             return;
         }
         if anchors.is_empty() {
-            let missing = if term.negated { 1.0 } else { missing_anchor_score(context, &term.anchors[0]) };
+            let missing = if term.negated || context.config.presume_present {
+                1.0
+            } else {
+                missing_anchor_score(context, &term.anchors[0])
+            };
             result.push(
                 format!("{label} (no such anchor in the map)"),
                 vec![missing; scene.items.len()],
@@ -166,11 +192,18 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
         }
         best_anchors(&result.total, |target| {
             let score = |(anchor, weight): &(usize, f32)| {
-                (*anchor, weight * relate::relation_score(scene, term.word, target, *anchor))
+                let holds = match context.config.presume_present {
+                    true => likeness::raw_score(scene, term.word, target, *anchor),
+                    false => relate::relation_score(scene, term.word, target, *anchor),
+                };
+                (*anchor, weight * holds)
             };
             anchors.iter().filter(|(anchor, _)| *anchor != target).map(score).collect()
         })
     };
+    if context.config.presume_present {
+        likeness::relative_to_best(&mut scores, &result.total);
+    }
     let scores = finish(context.config, term, scores);
     result.push(label, scores, anchors);
 }
@@ -231,13 +264,17 @@ fn between_scores(
     };
     if first.is_empty() || second.is_empty() {
         let entity = if first.is_empty() { &term.anchors[0] } else { &term.anchors[term.anchors.len() - 1] };
-        return (vec![missing_anchor_score(context, entity); count], vec![None; count]);
+        let missing = if context.config.presume_present { 1.0 } else { missing_anchor_score(context, entity) };
+        return (vec![missing; count], vec![None; count]);
     }
     best_anchors(&result.total, |target| {
         let pairs = first.iter().flat_map(|a| second.iter().map(move |b| (a, b)));
         pairs
             .filter(|(a, b)| a.0 != b.0 && a.0 != target && b.0 != target)
-            .map(|(a, b)| (a.0, a.1 * b.1 * relate::between(context.scene, target, a.0, b.0)))
+            .map(|(a, b)| {
+                let lies = if context.config.presume_present { likeness::between_score } else { relate::between };
+                (a.0, a.1 * b.1 * lies(context.scene, target, a.0, b.0))
+            })
             .collect()
     })
 }
@@ -261,13 +298,23 @@ fn push_comparison(context: Context<'_, '_>, term: &RelationTerm, result: &mut E
         nearest_anchors(context, &term.anchors[0], result)
     };
     if found.iter().all(Option::is_none) {
-        let missing = missing_anchor_score(context, &term.anchors[0]);
+        let missing = match context.config.presume_present {
+            true => 1.0,
+            false => missing_anchor_score(context, &term.anchors[0]),
+        };
         result.push(format!("{label} (no such anchor in the map)"), vec![missing; count], vec![None; count]);
         return;
     }
-    let sign = if term.word == RelationWord::Closest { 1.0 } else { -1.0 };
+    let sign = if matches!(term.word, RelationWord::Closest) { 1.0 } else { -1.0 };
     let keys: Vec<f64> = found.iter().map(|f| f.map_or(f64::INFINITY, |(distance, _)| sign * distance)).collect();
-    let scores = select::rank_scores(&keys, &result.total, 1, COMPARED_SHARE, 0.03);
+    let scores = if context.config.presume_present {
+        let reach = |key: f64| if key.is_finite() { (-key / FAR_M).exp() as f32 } else { 0.0 };
+        let mut scores: Vec<f32> = keys.iter().copied().map(reach).collect();
+        likeness::relative_to_best(&mut scores, &result.total);
+        scores
+    } else {
+        select::rank_scores(&keys, &result.total, 1, COMPARED_SHARE, 0.03)
+    };
     let scores = finish(context.config, term, scores);
     result.push(label, scores, found.iter().map(|f| f.and_then(|(_, anchor)| anchor)).collect());
 }

@@ -5,8 +5,10 @@ use super::command::without_verb;
 use super::config::{GroundConfig, GroundConfigError};
 use super::decide::{self, Choice};
 use super::filter::{self, Context};
+use super::noun::Names;
 use super::parse::{Attachment, parse_query};
-use super::query::{Noun, Query};
+use super::query::{Entity, Noun, Query};
+use super::retrieve;
 use super::rooms;
 use super::scene::Scene;
 use super::verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
@@ -15,8 +17,10 @@ use super::words::tokens_of;
 use super::{Article, GroundingStatus};
 use crate::Pose;
 use crate::knowledge::Knowledge;
-use crate::map::Map;
+use crate::map::{Map, ObjectId};
 use crate::raster::Renderer;
+use nalgebra::Vector2;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Grounds referring expressions in a map.
@@ -46,24 +50,82 @@ impl Grounder {
     /// What the words mean in the map. `world_from_viewer` is the robot's base or camera: left, right, nearest and the
     /// like are its. A command's verb is skipped, so that "grasp the red apple" grounds the apple.
     pub fn ground(&self, map: &Map, text: &str, world_from_viewer: Option<&Pose>) -> Grounding {
+        self.ground_with_fronts(map, &BTreeMap::new(), text, world_from_viewer)
+    }
+
+    /// As [`ground`](Self::ground), where the front of some objects is known: the direction in the world's floor plane
+    /// in which it points. Left and right of such an object are those of a viewer who faces its front.
+    pub fn ground_with_fronts(
+        &self,
+        map: &Map,
+        fronts: &BTreeMap<ObjectId, [f64; 2]>,
+        text: &str,
+        world_from_viewer: Option<&Pose>,
+    ) -> Grounding {
         let tokens = tokens_of(text);
         let words = without_verb(&tokens);
-        let Some(near) = parse_query(words, &self.knowledge, Attachment::Nearest) else {
+        let names = Names::of(map, self.config.presume_present);
+        let Some(near) = parse_query(words, &self.knowledge, &names, Attachment::Nearest) else {
             let reason = if tokens.is_empty() { "there are no words" } else { "no thing or room is named" };
             return Grounding::unparsed(reason, self.verifier.name());
         };
-        let scene = Scene::new(map, world_from_viewer);
+        let scene = Scene::new(map, world_from_viewer).with_fronts(fronts);
+        if self.config.presume_present {
+            let query = self.with_known_noun(&scene, near, words, &names);
+            return match self.faced(&scene, &query) {
+                Some(forward) => self.answer(&scene.facing(forward), query),
+                None => self.answer(&scene, query),
+            };
+        }
         let answer = self.answer(&scene, near.clone());
         if answer.status == GroundingStatus::Found {
             return answer;
         }
         // "the cup on the table next to the window": when the table's window decides nothing, it may be the cup's.
-        match parse_query(words, &self.knowledge, Attachment::Target).filter(|target| *target != near) {
+        match parse_query(words, &self.knowledge, &names, Attachment::Target).filter(|target| *target != near) {
             Some(target) => {
                 Some(self.answer(&scene, target)).filter(|a| a.status == GroundingStatus::Found).unwrap_or(answer)
             }
             None => answer,
         }
+    }
+
+    /// When nothing bears the target's name: the first thing that is named but no anchor, else anything.
+    fn with_known_noun(&self, scene: &Scene<'_>, mut query: Query, words: &[String], names: &Names) -> Query {
+        let fits = |noun: &Noun| retrieve::literal_noun_scores(scene, noun, &self.knowledge).iter().any(|s| *s > 0.0);
+        if matches!(query.target.noun, Noun::Thing(_)) && fits(&query.target.noun) {
+            return query;
+        }
+        let mut anchors = Vec::new();
+        collect_anchors(&query.target, &mut anchors);
+        let named = (0..words.len()).find_map(|start| {
+            let ends = (start + 1..=words.len().min(start + 3)).rev();
+            ends.map(|end| words[start..end].join(" "))
+                .find(|phrase| names.contain(phrase) && !anchors.iter().any(|anchor| anchor == phrase))
+        });
+        query.target.noun = named.map_or(Noun::Anything, Noun::Thing);
+        query
+    }
+
+    /// The direction in which a viewer looks who stands as the query says.
+    fn faced(&self, scene: &Scene<'_>, query: &Query) -> Option<Vector2<f64>> {
+        let viewpoint = query.viewpoint.as_ref()?;
+        let context = Context { scene, knowledge: &self.knowledge, config: &self.config };
+        let total = filter::evaluate(context, &viewpoint.at).total;
+        let best = total.iter().copied().fold(0.0, f32::max);
+        if best <= 0.0 {
+            return None;
+        }
+        let likely: Vec<usize> = (0..total.len()).filter(|i| total[*i] >= 0.6 * best).collect();
+        if let ([one], false) = (likely.as_slice(), viewpoint.entering)
+            && let Some(front) = scene.fronts.get(&scene.items[*one].object.id)
+        {
+            return Some(-Vector2::new(front[0], front[1]));
+        }
+        let sum = likely.iter().map(|i| scene.items[*i].bounds.center().xy().coords).sum::<Vector2<f64>>();
+        let forward = sum / likely.len() as f64 - scene.center.coords;
+        let forward = if viewpoint.entering { -forward } else { forward };
+        (forward.norm() > 0.3).then(|| forward.normalize())
     }
 
     fn answer(&self, scene: &Scene<'_>, query: Query) -> Grounding {
@@ -111,5 +173,15 @@ impl Grounder {
         });
         let room_of = |choice: &Choice| (None, Some(rooms[choice.index].id));
         decide::grounding(settled, choices, room_of, frame, self.verifier.name(), query)
+    }
+}
+
+/// The names of all anchors.
+fn collect_anchors(entity: &Entity, names: &mut Vec<String>) {
+    for anchor in entity.relations.iter().flat_map(|relation| &relation.anchors) {
+        if let Noun::Thing(name) = &anchor.noun {
+            names.push(name.clone());
+        }
+        collect_anchors(anchor, names);
     }
 }

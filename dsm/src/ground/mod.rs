@@ -29,6 +29,7 @@ mod decide;
 mod filter;
 mod grounder;
 mod lexicon;
+mod likeness;
 mod noun;
 mod parse;
 mod query;
@@ -38,6 +39,7 @@ mod rooms;
 mod scene;
 mod select;
 mod verify;
+mod viewpoint;
 mod views;
 mod words;
 
@@ -49,7 +51,7 @@ pub use command::{Action, Command, Unparsed, parse_command};
 pub use config::{GroundConfig, GroundConfigError};
 pub use grounder::Grounder;
 pub use query::{
-    Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection,
+    Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection, Viewpoint,
 };
 pub use verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
 pub use views::CandidateViews;

@@ -2,7 +2,9 @@
 
 use super::query::{AttributeTerm, AttributeWord, Noun};
 use super::words;
-use crate::knowledge::Knowledge;
+use crate::knowledge::{Knowledge, normalize, singular_of};
+use crate::map::Map;
+use std::collections::BTreeSet;
 
 /// The head of a run of content words.
 pub(super) struct Head {
@@ -16,11 +18,37 @@ pub(super) struct Head {
     pub(super) part_or_group: bool,
 }
 
+/// The names that the map's objects bear: known words, whatever the tables hold.
+pub(super) struct Names {
+    known: BTreeSet<String>,
+    /// Whether what is described is known to be there.
+    pub(super) lenient: bool,
+}
+
+impl Names {
+    /// The winning names of the stable objects, with their singular forms.
+    pub(super) fn of(map: &Map, lenient: bool) -> Self {
+        let mut names = BTreeSet::new();
+        for object in map.stable_objects() {
+            let name = normalize(object.name());
+            names.extend(singular_of(&name));
+            names.insert(name);
+        }
+        names.remove("");
+        Self { known: names, lenient }
+    }
+
+    /// Whether some object is called so, in singular or plural.
+    pub(super) fn contain(&self, phrase: &str) -> bool {
+        self.known.contains(phrase) || singular_of(phrase).iter().any(|singular| self.known.contains(singular))
+    }
+}
+
 /// Finds the head of a run of words: its longest ending that names something, else its last word.
 ///
 /// English puts describing words first, so "black leather office chair" has the head "office chair". When the words
 /// before the head's last word only describe it ("plastic bottle"), they stay descriptions.
-pub(super) fn find_head(run: &[String], knowledge: &Knowledge) -> Head {
+pub(super) fn find_head(run: &[String], knowledge: &Knowledge, names: &Names) -> Head {
     let head = |noun, start, known| Head { noun, start, known, part_or_group: false };
     let last = run.len() - 1;
     if words::is_part_or_group(&run[last]) && run.len() == 1 {
@@ -28,6 +56,9 @@ pub(super) fn find_head(run: &[String], knowledge: &Knowledge) -> Head {
     }
     for start in 0..run.len() {
         let phrase = run[start..].join(" ");
+        if names.contain(&phrase) {
+            return head(Noun::Thing(phrase), start, true);
+        }
         if let Some(room) = knowledge.words().rooms.find(&phrase) {
             return head(Noun::Room(room.to_owned()), start, true);
         }

@@ -6,11 +6,11 @@
 //! ```
 //! Words that the grammar does not know are skipped: people say more than is needed.
 
-use super::noun::{self, Head};
+use super::noun::{self, Head, Names};
 use super::query::{
-    Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection,
+    Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection, Viewpoint,
 };
-use super::words;
+use super::{viewpoint, words};
 use crate::knowledge::Knowledge;
 
 /// Where a modifier after a nested noun belongs: "the cup on the table next to the window".
@@ -28,9 +28,37 @@ const MAX_DEPTH: usize = 5;
 const MAX_ENTITIES: usize = 16;
 
 /// Parses a noun phrase with all its modifiers; `None` when it names nothing at all.
-pub(super) fn parse_query(tokens: &[String], knowledge: &Knowledge, attachment: Attachment) -> Option<Query> {
-    let mut parser = Parser { tokens, at: 0, knowledge, attachment, entities: 0, known_words: 0 };
-    let mut target = parser.parse_target()?;
+pub(super) fn parse_query(
+    tokens: &[String],
+    knowledge: &Knowledge,
+    names: &Names,
+    attachment: Attachment,
+) -> Option<Query> {
+    let lenient = names.lenient;
+    let mut parser = Parser {
+        tokens,
+        at: 0,
+        knowledge,
+        names,
+        attachment,
+        lenient,
+        viewpoint: None,
+        about_target: None,
+        entities: 0,
+        known_words: 0,
+    };
+    let mut target = match (parser.parse_target(), &parser.viewpoint) {
+        (Some(target), _) => target,
+        // "facing the cabinets, right" speaks of the cabinets.
+        (None, Some(viewpoint)) => {
+            parser.at = 0;
+            while parser.at < tokens.len() && tokens[parser.at] != "," {
+                parser.at += 1;
+            }
+            viewpoint.at.clone()
+        }
+        (None, None) => return None,
+    };
     // Further sentences speak of the target.
     while parser.at < tokens.len() {
         let before = parser.at;
@@ -40,24 +68,36 @@ pub(super) fn parse_query(tokens: &[String], knowledge: &Knowledge, attachment: 
         }
     }
     let says_something = parser.known_words > 0 || matches!(target.noun, Noun::Thing(_));
-    says_something.then_some(Query { target })
+    // "facing the toilets, choose the one on the left"
+    if let (Noun::Anything, Some(viewpoint)) = (&target.noun, &parser.viewpoint)
+        && !viewpoint.entering
+    {
+        target.noun = viewpoint.at.noun.clone();
+    }
+    says_something.then_some(Query { target, viewpoint: parser.viewpoint })
 }
 
-struct Parser<'a> {
-    tokens: &'a [String],
-    at: usize,
-    knowledge: &'a Knowledge,
+pub(super) struct Parser<'a> {
+    pub(super) tokens: &'a [String],
+    pub(super) at: usize,
+    pub(super) knowledge: &'a Knowledge,
+    pub(super) names: &'a Names,
+    /// Whether what people describe is known to be there: sentences about other things are then read too.
+    pub(super) lenient: bool,
+    pub(super) viewpoint: Option<Viewpoint>,
+    /// Relation of the thing just read to the target, when its phrase said so ("a lamp to the right of it").
+    pub(super) about_target: Option<RelationWord>,
     attachment: Attachment,
     entities: usize,
     known_words: usize,
 }
 
 impl Parser<'_> {
-    fn rest(&self) -> &[String] {
+    pub(super) fn rest(&self) -> &[String] {
         &self.tokens[self.at.min(self.tokens.len())..]
     }
 
-    fn peek(&self) -> Option<&str> {
+    pub(super) fn peek(&self) -> Option<&str> {
         self.rest().first().map(String::as_str)
     }
 
@@ -76,6 +116,8 @@ impl Parser<'_> {
     /// The first noun phrase; an opening without one ("facing the window, ...") is skipped up to its comma.
     fn parse_target(&mut self) -> Option<Entity> {
         loop {
+            self.skip_opening();
+            self.read_viewpoint();
             self.skip_opening();
             if let Some(entity) = self.parse_entity(0) {
                 return Some(entity);
@@ -100,9 +142,37 @@ impl Parser<'_> {
         ) {
             self.at += 1;
         }
+        while self.lenient
+            && self.peek().is_some_and(|word| {
+                matches!(
+                    word,
+                    "of" | "we"
+                        | "i"
+                        | "am"
+                        | "want"
+                        | "looking"
+                        | "pick"
+                        | "choose"
+                        | "select"
+                        | "find"
+                        | "click"
+                        | "its"
+                        | "hit"
+                        | "please"
+                        | "thisis"
+                        | "see"
+                        | "need"
+                        | "can"
+                        | "was"
+                ) && self.rest().get(1).is_none_or(|next| next != "at")
+            })
+        {
+            self.at += 1;
+            self.skip_opening();
+        }
     }
 
-    fn parse_entity(&mut self, depth: usize) -> Option<Entity> {
+    pub(super) fn parse_entity(&mut self, depth: usize) -> Option<Entity> {
         if depth > MAX_DEPTH || self.entities >= MAX_ENTITIES {
             return None;
         }
@@ -114,7 +184,7 @@ impl Parser<'_> {
             return None;
         }
         let words = &self.tokens[self.at..self.at + run];
-        let head = noun::find_head(words, self.knowledge);
+        let head = noun::find_head(words, self.knowledge, self.names);
         self.known_words += usize::from(head.known);
         self.read_premodifiers(&words[..head.start], &mut entity);
         self.at += run;
@@ -124,11 +194,11 @@ impl Parser<'_> {
         Some(entity)
     }
 
-    fn parse_article(&mut self) -> Article {
+    pub(super) fn parse_article(&mut self) -> Article {
         let mut article = Article::Definite;
         while let Some(word) = self.peek() {
             match word {
-                "a" | "an" | "some" | "any" => article = Article::Indefinite,
+                "a" | "an" | "some" | "any" | "another" => article = Article::Indefinite,
                 "the" | "this" | "that" | "these" | "those" | "my" | "your" | "our" | "his" | "her" | "its" | "all"
                 | "very" | "both" | "other" => article = Article::Definite,
                 _ => break,
@@ -142,7 +212,7 @@ impl Parser<'_> {
     }
 
     /// Number of content words from here on.
-    fn content_run(&self) -> usize {
+    pub(super) fn content_run(&self) -> usize {
         let rest = self.rest();
         let mut length = 0;
         while length < rest.len() && length < 8 {
@@ -166,7 +236,7 @@ impl Parser<'_> {
     }
 
     /// Reads the words before the noun.
-    fn read_premodifiers(&mut self, before: &[String], entity: &mut Entity) {
+    pub(super) fn read_premodifiers(&mut self, before: &[String], entity: &mut Entity) {
         let mut rank = None;
         let mut order = None;
         for word in before {
@@ -199,9 +269,10 @@ impl Parser<'_> {
         }
         let start = self.at;
         self.at += 1;
-        if head.part_or_group {
+        if head.part_or_group || self.lenient && head.noun == Noun::Anything {
             if let Some(mut whole) = self.parse_entity(depth + 1) {
                 whole.selections.append(&mut entity.selections);
+                whole.attributes.append(&mut entity.attributes);
                 whole.article = entity.article;
                 *entity = whole;
             }
@@ -229,7 +300,41 @@ impl Parser<'_> {
         let mut after_copula = false;
         let mut negated = false;
         loop {
-            if depth == 0 && self.next_is(&["."]) && self.skip_foreign_sentence(&entity.noun) {
+            if depth == 0 && self.next_is(&["."]) && self.skip_foreign_sentence(entity) {
+                continue;
+            }
+            if self.lenient
+                && entity.noun == Noun::Anything
+                && depth == 0
+                && self.peek().is_some_and(|word| matches!(word, "is" | "are" | "was"))
+                && self.adopt_predicate(entity)
+            {
+                continue;
+            }
+            if self.lenient
+                && self.peek().is_some_and(|word| matches!(word, "when" | "if" | "while" | "once" | "assuming"))
+            {
+                if depth > 0 {
+                    return;
+                }
+                let start = self.at;
+                self.read_viewpoint();
+                if self.at > start {
+                    continue;
+                }
+            }
+            if let Some(word) = self.read_its_side() {
+                match depth {
+                    0 => self.read_thing_beside_it(entity, word),
+                    _ => self.note_about_target(word),
+                }
+                continue;
+            }
+            if self.lenient
+                && depth == 0
+                && let Some(rank) = self.read_ordinal()
+            {
+                entity.selections.insert(0, Selection { order: Order::Leftmost, rank });
                 continue;
             }
             let Some(word) = self.peek() else { return };
@@ -287,15 +392,17 @@ impl Parser<'_> {
 
     /// A further sentence about something else ("there is a dresser to the right of the curtain") says nothing of the
     /// target that can be read as its own: it is skipped up to the next sentence.
-    fn skip_foreign_sentence(&mut self, target: &Noun) -> bool {
+    fn skip_foreign_sentence(&mut self, entity: &mut Entity) -> bool {
+        let target = &entity.noun;
         let start = self.at;
         self.at += 1;
         let introduces = self.skip_if(&["there", "is"]) || self.skip_if(&["there", "are"]);
+        let subject = self.at;
         let article = self.peek().is_some_and(|word| matches!(word, "the" | "a" | "an" | "this" | "that"));
         self.parse_article();
         let run = self.content_run();
         let foreign = article && run > 0 && {
-            let head = noun::find_head(&self.tokens[self.at..self.at + run], self.knowledge);
+            let head = noun::find_head(&self.tokens[self.at..self.at + run], self.knowledge, self.names);
             match (&head.noun, target) {
                 (Noun::Thing(said), Noun::Thing(meant)) if head.known => self.knowledge.similarity(said, meant) < 0.5,
                 _ => false,
@@ -304,6 +411,10 @@ impl Parser<'_> {
         if !foreign && !introduces {
             self.at = start;
             return false;
+        }
+        if self.lenient {
+            self.at = subject;
+            self.read_foreign_subject(entity);
         }
         while self.peek().is_some_and(|word| word != ".") {
             self.at += 1;
@@ -317,11 +428,38 @@ impl Parser<'_> {
     }
 
     fn push_relation(&mut self, entity: &mut Entity, word: RelationWord, negated: bool, depth: usize) {
+        if self.lenient && self.skip_pronoun() {
+            match (depth, &self.viewpoint) {
+                // "facing the bed, ... to the left of it"
+                (0, Some(viewpoint)) if !viewpoint.entering && viewpoint.at.noun != entity.noun => {
+                    let mut anchor = viewpoint.at.clone();
+                    anchor.relations.clear();
+                    entity.relations.push(RelationTerm { word, negated, anchors: vec![anchor] });
+                }
+                (0, _) => self.read_thing_beside_it(entity, word),
+                _ => self.note_about_target(word),
+            }
+            return;
+        }
         if self.peek().is_some_and(|token| matches!(token, "it" | "them" | "me" | "you" | "which")) {
             self.at += 1;
             return;
         }
-        let Some(first) = self.parse_entity(depth + 1) else { return };
+        self.about_target = None;
+        let Some(mut first) = self.parse_entity(depth + 1) else { return };
+        if self.lenient && first.noun == Noun::Anything && first.relations.is_empty() {
+            // "in the middle of the other two", "next to the tall one"
+            first.noun = entity.noun.clone();
+        }
+        // "with a lamp to its right": the target stands to the left of the lamp.
+        if depth == 0
+            && let Some(said) = self.about_target.take()
+        {
+            let word = viewpoint::inverse(said).unwrap_or(word);
+            entity.relations.push(RelationTerm { word, negated, anchors: vec![first] });
+            return;
+        }
+
         let mut anchors = vec![first];
         if word == RelationWord::Between && self.skip_if(&["and"]) {
             anchors.extend(self.parse_entity(depth + 1));
@@ -399,11 +537,17 @@ impl Parser<'_> {
         true
     }
 
+    /// "facing the cabinets, right": a side that nothing follows.
+    fn stands_alone(&self) -> bool {
+        self.lenient
+            && self.rest().get(1).is_none_or(|next| matches!(next.as_str(), "," | "." | "one" | "and" | "side"))
+    }
+
     /// "that is red", ", red ,", "is the largest".
     fn read_predicate(&mut self, entity: &mut Entity, allowed: bool, negated: bool) -> bool {
         let Some(word) = self.peek().filter(|_| allowed) else { return false };
-        if let Some(order) =
-            words::find_superlative(word).filter(|_| !matches!(word, "left" | "right" | "top" | "bottom"))
+        if let Some(order) = words::find_superlative(word)
+            .filter(|_| !matches!(word, "left" | "right" | "top" | "bottom") || self.stands_alone())
         {
             self.at += 1;
             entity.selections.push(Selection { order, rank: 1 });

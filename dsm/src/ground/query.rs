@@ -8,6 +8,18 @@ use serde::{Deserialize, Serialize};
 pub struct Query {
     /// What is meant, with all that is said about it.
     pub target: Entity,
+    /// Where the viewer is said to stand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub viewpoint: Option<Viewpoint>,
+}
+
+/// Where the viewer is said to stand.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Viewpoint {
+    /// The thing that the viewer faces or comes in by.
+    pub at: Entity,
+    /// Whether the viewer stands there and looks into the scene; else the viewer faces it.
+    pub entering: bool,
 }
 
 /// Something that is talked about: the target or an anchor.
@@ -159,6 +171,8 @@ pub enum Order {
     Middle,
     /// Closest to the middle of the map first.
     Central,
+    /// Closest to a corner of the map first.
+    Corner,
 }
 
 /// Which one of several.

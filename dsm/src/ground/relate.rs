@@ -30,7 +30,7 @@ fn footprint_overlap(a: &Aabb, b: &Aabb) -> f64 {
 }
 
 /// Gap between the footprints, 0 when they overlap.
-fn horizontal_gap_m(a: &Aabb, b: &Aabb) -> f64 {
+pub(super) fn horizontal_gap_m(a: &Aabb, b: &Aabb) -> f64 {
     let gap = |i: usize| (a.min[i] - b.max[i]).max(b.min[i] - a.max[i]).max(0.0);
     gap(0).hypot(gap(1))
 }
@@ -42,7 +42,7 @@ pub(super) fn box_distance_m(a: &Aabb, b: &Aabb) -> f64 {
 }
 
 /// Share of `a`'s height that lies within `b`'s.
-fn height_share(a: &Aabb, b: &Aabb) -> f64 {
+pub(super) fn height_share(a: &Aabb, b: &Aabb) -> f64 {
     let common = a.max.z.min(b.max.z) - a.min.z.max(b.min.z);
     (common / (a.max.z - a.min.z).max(1e-6)).clamp(0.0, 1.0)
 }

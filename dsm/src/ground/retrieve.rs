@@ -60,6 +60,57 @@ pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge)
     scores
 }
 
+/// As [`noun_scores`], where names are certain: the very word first, then its plural or joined spelling, then a name
+/// with the same head or a synonym, then kinds and look-alikes; relative to the best there is.
+pub(super) fn literal_noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge) -> Vec<f32> {
+    let Noun::Thing(asked) = noun else { return noun_scores(scene, noun, knowledge) };
+    let spelled = normalize(asked);
+    let joined = |name: &str| name.replace(' ', "");
+    let meaning = knowledge.meaning(asked);
+    let mut known: BTreeMap<String, f32> = BTreeMap::new();
+    let last = |name: &str| name.rsplit(' ').next().unwrap_or("").to_owned();
+    let fit = |name: &str| {
+        let other = normalize(name);
+        let same = |a: &str, b: &str| joined(a) == joined(b);
+        if other == spelled {
+            1.0
+        } else if same(&other, &spelled)
+            || singular_of(&other).iter().any(|s| same(s, &spelled))
+            || singular_of(&spelled).iter().any(|s| same(s, &other))
+        {
+            PLURAL
+        } else {
+            let alike = knowledge.similarity_to(&meaning, name);
+            let headed = if last(&other) == last(&spelled) { SAME_HEAD } else { 0.0 };
+            match alike {
+                s if s >= 0.99 => SAME_MEANING,
+                s if s >= 0.85 => 0.15_f32,
+                s if s >= 0.6 => 0.15,
+                s if s >= 0.5 => 0.05,
+                _ => 0.0,
+            }
+            .max(headed)
+        }
+    };
+    let score = |item: &Item<'_>| {
+        let name = item.object.name();
+        *known.entry(name.to_owned()).or_insert_with(|| fit(name))
+    };
+    let mut scores: Vec<f32> = scene.items.iter().map(score).collect();
+    let best = scores.iter().copied().fold(0.0, f32::max);
+    if best > 0.0 {
+        scores.iter_mut().for_each(|score| *score /= best);
+    }
+    scores
+}
+
+/// Fit of a name that differs from what was said in number or spacing only.
+const PLURAL: f32 = 0.5;
+/// Fit of a synonym where names are certain.
+const SAME_MEANING: f32 = 0.3;
+/// Fit of a name with the same last word.
+const SAME_HEAD: f32 = 0.25;
+
 /// How much a vote for a name of this similarity counts, and how good a match it is.
 fn grade(similarity: f32) -> (f32, f32) {
     match similarity {

@@ -3,7 +3,7 @@
 use super::answer::ReferenceFrame;
 use crate::Pose;
 use crate::geometry::Aabb;
-use crate::map::{Map, MapObject, RelationKind, Room};
+use crate::map::{Map, MapObject, ObjectId, RelationKind, Room};
 use nalgebra::{Point2, Point3, Vector2};
 use std::collections::BTreeMap;
 
@@ -23,6 +23,10 @@ pub(super) struct Scene<'a> {
     /// Middle of all objects, in the world frame.
     pub(super) center: Point2<f64>,
     viewer: Option<Point2<f64>>,
+    /// Where an object's front points, unit in the floor plane, for those whose front is known.
+    pub(super) fronts: BTreeMap<ObjectId, [f64; 2]>,
+    /// Where the viewer is said to look, whatever is asked; unit.
+    told: Option<Vector2<f64>>,
 }
 
 /// Where a viewer looks when facing a place; both unit, in the world's floor plane.
@@ -56,7 +60,38 @@ impl<'a> Scene<'a> {
         }
         let center = all.map_or(Point2::origin(), |b| b.center().xy());
         let viewer = world_from_viewer.map(|pose| Point3::from(pose.translation.vector).xy());
-        Self { map, items, edges, center, viewer: viewer.filter(|v| v.coords.iter().all(|c| c.is_finite())) }
+        let viewer = viewer.filter(|v| v.coords.iter().all(|c| c.is_finite()));
+        Self { map, items, edges, center, viewer, fronts: BTreeMap::new(), told: None }
+    }
+
+    /// The box around all objects; empty at the origin without any.
+    pub(super) fn extent(&self) -> Aabb {
+        let first =
+            self.items.first().map_or(Aabb { min: Point3::origin(), max: Point3::origin() }, |item| item.bounds);
+        self.items
+            .iter()
+            .fold(first, |all, item| Aabb { min: all.min.inf(&item.bounds.min), max: all.max.sup(&item.bounds.max) })
+    }
+
+    /// As seen by a viewer who looks in the direction `forward`.
+    pub(super) fn facing(mut self, forward: Vector2<f64>) -> Self {
+        self.told = Some(forward);
+        self
+    }
+
+    /// Whether the words tell where the viewer looks.
+    pub(super) fn is_told(&self) -> bool {
+        self.told.is_some()
+    }
+
+    /// With known fronts; those without a direction in the floor plane are left out.
+    pub(super) fn with_fronts(mut self, fronts: &BTreeMap<ObjectId, [f64; 2]>) -> Self {
+        let unit = |(id, front): (&ObjectId, &[f64; 2])| {
+            let length = front[0].hypot(front[1]);
+            (length.is_finite() && length > 0.1).then(|| (*id, front.map(|c| c / length)))
+        };
+        self.fronts = fronts.iter().filter_map(unit).collect();
+        self
     }
 
     /// Confidence of a stored relation, 0 when it is not stored.
@@ -72,6 +107,9 @@ impl<'a> Scene<'a> {
 
     /// The viewer's frame when facing `place`: the given viewer, else one at the middle of the map, else along world x.
     pub(super) fn view_to(&self, place: Point2<f64>) -> View {
+        if let Some(forward) = self.told {
+            return View { forward, left: Vector2::new(-forward.y, forward.x), frame: ReferenceFrame::Viewer };
+        }
         let from = |eye: Point2<f64>, frame| {
             let forward = place - eye;
             (forward.norm() > NEAREST_VIEW_M).then(|| (forward.normalize(), frame))

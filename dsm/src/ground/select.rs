@@ -48,6 +48,7 @@ pub(super) fn selection_scores(
         0 => scene.center,
         count => Point2::from(peers.iter().map(|p| p.coords).sum::<nalgebra::Vector2<f64>>() / count as f64),
     };
+    let extent = scene.extent();
     let (eye, eye_frame) = scene.standpoint();
     let view = scene.view_to(middle);
     let key = |item: &super::scene::Item<'_>| {
@@ -67,6 +68,10 @@ pub(super) fn selection_scores(
             Order::Rightmost => (center.xy() - middle).dot(&view.left),
             Order::Middle => (center.xy() - middle).norm(),
             Order::Central => (center.xy() - scene.center).norm(),
+            Order::Corner => {
+                let to = |a: f64, low: f64, high: f64| (a - low).min(high - a).max(0.0);
+                to(center.x, extent.min.x, extent.max.x).hypot(to(center.y, extent.min.y, extent.max.y))
+            }
         }
     };
     let keys: Vec<f64> = scene.items.iter().map(key).collect();
@@ -75,6 +80,13 @@ pub(super) fn selection_scores(
         Order::Leftmost | Order::Rightmost => view.frame,
         _ => ReferenceFrame::None,
     };
+    if matches!(selection.order, Order::Corner) {
+        // More than one may stand in a corner.
+        let nearest = (keys.iter().zip(total)).filter(|(_, t)| **t >= compared_share * best).map(|(k, _)| *k);
+        let nearest = nearest.fold(f64::INFINITY, f64::min);
+        let score = |key: &f64| ((nearest - key).min(0.0).exp() as f32).max(NEXT_RANK);
+        return (keys.iter().map(score).collect(), frame);
+    }
     (rank_scores(&keys, total, selection.rank, compared_share, 0.01), frame)
 }
 
@@ -94,6 +106,7 @@ pub(super) fn phrase(selection: &Selection) -> String {
         Order::Rightmost => "rightmost",
         Order::Middle => "middle",
         Order::Central => "central",
+        Order::Corner => "cornermost",
     };
     match selection.rank {
         0 | 1 => format!("the {order} one"),

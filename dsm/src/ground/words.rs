@@ -148,5 +148,7 @@ pub(super) fn is_part_or_group(token: &str) -> bool {
             | "type"
             | "couple"
             | "rest"
+            | "hand"
+            | "series"
     )
 }

@@ -104,12 +104,14 @@ impl Knowledge {
             return None;
         }
         let allowed = if length >= 8 { 2 } else { 1 };
-        let first = name.chars().next();
+        // The first letter must agree, and the index is in alphabetical order.
+        let first = name.chars().next()?;
         let mut best: Option<(usize, usize)> = None;
         let mut unique = true;
-        for (known, &category) in &self.index {
+        let same_letter = self.index.range(first.to_string()..).take_while(|(known, _)| known.starts_with(first));
+        for (known, &category) in same_letter {
             let known_length = known.chars().count();
-            if known_length.abs_diff(length) > allowed || known_length < 4 || known.chars().next() != first {
+            if known_length.abs_diff(length) > allowed || known_length < 4 {
                 continue;
             }
             let distance = strsim::osa_distance(name, known);

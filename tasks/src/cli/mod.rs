@@ -2,6 +2,7 @@
 
 mod bench;
 mod check;
+mod eval;
 mod explore;
 mod ground;
 mod info;
@@ -102,6 +103,9 @@ pub enum Command {
     Explore(explore::ExploreArgs),
     /// Ground a sentence in a map.
     Ground(ground::GroundArgs),
+    /// Measure against truth.
+    #[command(subcommand)]
+    Eval(eval::EvalCommand),
     /// Look into, check or export a map.
     #[command(subcommand)]
     Map(map::MapCommand),
@@ -135,6 +139,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Suite(args) => suite::run(args),
         Command::Explore(args) => explore::run(args),
         Command::Ground(args) => ground::run(args),
+        Command::Eval(command) => eval::run(command),
         Command::Map(command) => map::run(command),
         Command::Scene(command) => check::scene(command),
         Command::Robot(command) => check::robot(command),
