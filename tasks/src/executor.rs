@@ -181,7 +181,8 @@ impl Executor {
         })
     }
 
-    /// Grasps; when no place to grasp from is known, the rest of the flat is explored and the words are read again.
+    /// Grasps; when no place to grasp from is known, looks at the object from near, and then explores the rest of the
+    /// flat and reads the words again.
     fn grasp(
         &mut self,
         agent: &mut Agent,
@@ -189,7 +190,14 @@ impl Executor {
         grounding: Grounding,
         id: ObjectId,
     ) -> Result<Done, Halt> {
-        let (outcome, grounding) = match self.grasp_and_weigh(agent, id)? {
+        let mut outcome = self.grasp_and_weigh(agent, id)?;
+        if matches!(outcome, Outcome::Failed(Stage::Planning, _))
+            && matches!(navigate_to_object(agent, &self.nav, id)?, Outcome::Done(_))
+        {
+            // From near, the floor before it and what stands around it are known better.
+            outcome = self.grasp_and_weigh(agent, id)?;
+        }
+        let (outcome, grounding) = match outcome {
             Outcome::Failed(Stage::Planning, reason) => {
                 agent.note(format!("explores on, because the grasp failed: {reason}"));
                 let grounding = match self.find(agent, "grasp", &command.target, Thoroughness::Everything)? {

@@ -13,8 +13,8 @@ const BIN_M: f64 = 0.01;
 const BAND_M: f64 = 0.02;
 /// A level holds at least this share of the cells of the best one.
 const LEVEL_SHARE: f64 = 0.35;
-/// Support beyond the object's own radius, metres.
-const EDGE_M: f64 = 0.015;
+/// Support beyond the object's own radius, metres: more than the one cell by which support is widened.
+const EDGE_M: f64 = 0.04;
 /// Room for the fingers beyond the object's own radius, metres.
 const ROOM_M: f64 = 0.05;
 /// Height of the hand above an object that is put down, metres.
