@@ -310,9 +310,8 @@ fn write_pictures(html: &mut String, journal: &Journal) {
         (small.model, [color_png(&small), depth_png(&small)].map(|png| STANDARD.encode(png)))
     };
     let pictures: Vec<_> = (0..shown).into_par_iter().map(encode).collect();
-    for i in 0..shown {
+    for (i, (model, encoded)) in pictures.iter().enumerate() {
         let (caption, frame) = &journal.pictures[at(i)];
-        let (model, encoded) = &pictures[i];
         let caption = escape(caption);
         let _ = write!(html, "<figure><div>");
         for (what, png) in ["colour", "depth"].into_iter().zip(encoded) {
