@@ -14,6 +14,7 @@ use dsm::ground::{CandidateViews, Grounding, GroundingStatus};
 use dsm::map::{Map, ObjectId, RoomId};
 use dsm::raster::Renderer;
 use dsm::store::{ShownObject, show_map};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -303,19 +304,24 @@ fn write_pictures(html: &mut String, journal: &Journal) {
     html.push_str("<h2>Pictures</h2>\n<div class=\"pictures\">\n");
     let count = journal.pictures.len();
     let shown = count.min(MOST_PICTURES);
-    for i in 0..shown {
-        let (caption, frame) = &journal.pictures[if shown > 1 { i * (count - 1) / (shown - 1) } else { 0 }];
-        let small = halved(frame);
+    let at = |i: usize| if shown > 1 { i * (count - 1) / (shown - 1) } else { 0 };
+    let encode = |i: usize| {
+        let small = halved(&journal.pictures[at(i)].1);
+        (small.model, [color_png(&small), depth_png(&small)].map(|png| STANDARD.encode(png)))
+    };
+    let pictures: Vec<_> = (0..shown).into_par_iter().map(encode).collect();
+    for (i, (model, encoded)) in pictures.iter().enumerate() {
+        let (caption, frame) = &journal.pictures[at(i)];
         let caption = escape(caption);
         let _ = write!(html, "<figure><div>");
-        for (what, png) in [("colour", color_png(&small)), ("depth", depth_png(&small))] {
+        for (what, png) in ["colour", "depth"].into_iter().zip(encoded) {
             let _ = write!(
                 html,
                 "<img alt=\"{what}, {} camera\" width=\"{}\" height=\"{}\" src=\"data:image/png;base64,{}\">",
                 escape(&frame.camera),
-                small.model.width,
-                small.model.height,
-                STANDARD.encode(png)
+                model.width,
+                model.height,
+                png
             );
         }
         let _ = writeln!(html, "</div><figcaption>{caption} ({} camera)</figcaption></figure>", escape(&frame.camera));

@@ -66,9 +66,15 @@ impl<'a> DepthNoise<'a> {
         let below = if row + 1 < self.height { &self.inverse_m[line + width..line + 2 * width] } else { here };
         let depth = &self.depth_m[line..line + width];
         let ray_y = self.rows[row];
+        let grazing = Grazing {
+            min_range_m: self.parameters.min_range_m,
+            max_range_m: self.parameters.max_range_m,
+            focal: self.focal,
+            cos_limit_squared: self.cos_limit_squared,
+        };
         let at = |column: usize, before: usize, after: usize| {
             let w = [here[column], here[before], here[after], above[column], below[column]];
-            self.returns(depth[column], w, self.columns[column], ray_y)
+            grazing.returns(depth[column], w, self.columns[column], ray_y)
         };
         if width < 2 {
             out.iter_mut().enumerate().for_each(|(column, out)| *out = at(column, column, column));
@@ -77,7 +83,7 @@ impl<'a> DepthNoise<'a> {
             let inner = out[1..width - 1].iter_mut().zip(&depth[1..]).zip(&self.columns[1..]);
             let neighbours = here.windows(3).zip(&above[1..]).zip(&below[1..]);
             for (((out, &z), &ray_x), ((w, &above), &below)) in inner.zip(neighbours) {
-                *out = self.returns(z, [w[1], w[0], w[2], above, below], ray_x, ray_y);
+                *out = grazing.returns(z, [w[1], w[0], w[2], above, below], ray_x, ray_y);
             }
             out[width - 1] = at(width - 1, width - 2, width - 1);
         }
@@ -88,24 +94,11 @@ impl<'a> DepthNoise<'a> {
             }
         }
         // 3. Its disparity, noisy and in steps.
+        let p = self.parameters;
+        let (disparity, sigma, farthest_m) = (p.disparity_of_1_m, p.disparity_sigma, p.max_range_m);
         for (out, &bits) in out.iter_mut().zip(bits) {
-            *out = self.quantise(*out, self.normal.get(bits));
+            *out = quantise(*out, self.normal.get(bits), disparity, sigma, farthest_m);
         }
-    }
-
-    /// 1 where the surface is within range and not too steep against the ray, else 0. The inverse depths are those of the
-    /// pixel and of its neighbours left, right, above and below.
-    #[inline(always)]
-    fn returns(&self, z: f32, [w, left, right, above, below]: [f32; 5], ray_x: f32, ray_y: f32) -> f32 {
-        let (rise_x, rise_y) = (steepest(w, left, right), steepest(w, above, below));
-        // On a plane the inverse depth is w = a + b X + c Y with the ray (X, Y, 1); (b, c, a) is along its normal.
-        let (b, c) = (rise_x * self.focal[0], rise_y * self.focal[1]);
-        let a = w - b * ray_x - c * ray_y;
-        let ray = ray_x * ray_x + ray_y * ray_y + 1.0;
-        let flat = w * w > self.cos_limit_squared * (a * a + b * b + c * c) * ray;
-        let near = z >= self.parameters.min_range_m;
-        let far = z <= self.parameters.max_range_m;
-        if flat & near & far { 1.0 } else { 0.0 }
     }
 
     #[inline(always)]
@@ -123,16 +116,43 @@ impl<'a> DepthNoise<'a> {
         let row = (row as i32 + dy).clamp(0, self.height as i32 - 1) as usize;
         row * self.width + column
     }
+}
 
+/// What decides whether a surface returns light; copied, so that the loop over a row keeps it in registers.
+#[derive(Clone, Copy)]
+struct Grazing {
+    min_range_m: f32,
+    max_range_m: f32,
+    focal: [f32; 2],
+    cos_limit_squared: f32,
+}
+
+impl Grazing {
+    /// 1 where the surface is within range and not too steep against the ray, else 0. The inverse depths are those of the
+    /// pixel and of its neighbours left, right, above and below.
     #[inline(always)]
-    fn quantise(&self, z: f32, noise: f32) -> f32 {
-        let p = self.parameters;
-        // Without a return z is 0 and the quotient infinite: the last line drops it.
-        let steps = ((p.disparity_of_1_m / z + p.disparity_sigma * noise) * 8.0 + 0.5) as i32;
-        let measured = p.disparity_of_1_m * 8.0 / steps as f32;
-        let kept = (z > 0.0) & (steps >= 1) & (measured <= p.max_range_m);
-        if kept { measured } else { 0.0 }
+    fn returns(&self, z: f32, [w, left, right, above, below]: [f32; 5], ray_x: f32, ray_y: f32) -> f32 {
+        let (rise_x, rise_y) = (steepest(w, left, right), steepest(w, above, below));
+        // On a plane the inverse depth is w = a + b X + c Y with the ray (X, Y, 1); (b, c, a) is along its normal.
+        let (b, c) = (rise_x * self.focal[0], rise_y * self.focal[1]);
+        let a = w - b * ray_x - c * ray_y;
+        let ray = ray_x * ray_x + ray_y * ray_y + 1.0;
+        let flat = w * w > self.cos_limit_squared * (a * a + b * b + c * c) * ray;
+        let flat = if flat { 1.0 } else { 0.0 };
+        let flat = if z >= self.min_range_m { flat } else { 0.0 };
+        if z <= self.max_range_m { flat } else { 0.0 }
     }
+}
+
+/// The measured depth of a true one; 0 stays 0.
+#[inline(always)]
+fn quantise(z: f32, noise: f32, disparity_of_1_m: f32, sigma: f32, max_range_m: f32) -> f32 {
+    // Without a return z is 0 and the quotient infinite: the last lines drop it.
+    let steps = ((disparity_of_1_m / z + sigma * noise) * 8.0 + 0.5) as i32;
+    let measured = disparity_of_1_m * 8.0 / steps as f32;
+    let measured = if measured <= max_range_m { measured } else { 0.0 };
+    let measured = if steps >= 1 { measured } else { 0.0 };
+    if z > 0.0 { measured } else { 0.0 }
 }
 
 /// The rise of the inverse depth per pixel towards the neighbour that differs more.

@@ -36,7 +36,8 @@ impl Approach {
     }
 }
 
-/// Finds how to come to each of the `stands` with the arm ready; stands without room are left out.
+/// Finds how to come to the first `wanted` of the `stands` that have room for it with the arm ready.
+#[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
 pub fn find_approaches(
     map: &Map,
     model: &RobotModel,
@@ -45,9 +46,10 @@ pub fn find_approaches(
     folded: &Configuration,
     stands: &[Pose2],
     target: ObjectId,
+    wanted: usize,
 ) -> Vec<Approach> {
     let way = |stand: &Pose2| find_approach(map, model, costmap, field, folded, stand, target);
-    stands.iter().filter_map(way).collect()
+    stands.iter().filter_map(way).take(wanted).collect()
 }
 
 fn find_approach(

@@ -112,7 +112,7 @@ fn try_grasp(
     let Some(bounds) = agent.map().find_object(id).map(|o| o.bounds) else {
         return Ok(Err((Stage::Mapping, format!("object {} left the map", id.0))));
     };
-    let approaches = choose_approaches(agent, nav, settings, id)?;
+    let approaches = choose_approaches(agent, nav, settings, id, attempt + 1)?;
     let Some(approach) = approaches.get(attempt.min(approaches.len().saturating_sub(1))).cloned() else {
         return Ok(Err((Stage::Planning, NO_PLACE.into())));
     };
@@ -269,6 +269,7 @@ fn choose_approaches(
     nav: &NavConfig,
     settings: &GraspSettings,
     id: ObjectId,
+    wanted: usize,
 ) -> Result<Vec<Approach>, Halt> {
     let (map, model) = (agent.map().clone(), agent.model().clone());
     let start = Pose2::from_pose(&agent.world_from_base()?).position;
@@ -286,7 +287,7 @@ fn choose_approaches(
         };
         let places = find_placements(&plan.candidates, &costmap, &field, &reach, &settings.placement);
         let stands: Vec<Pose2> = places.into_iter().map(|place| place.base).collect();
-        find_approaches(&map, &model, &costmap, &field, &configuration, &stands, id)
+        find_approaches(&map, &model, &costmap, &field, &configuration, &stands, id, wanted)
     })
 }
 
