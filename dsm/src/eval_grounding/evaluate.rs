@@ -235,4 +235,44 @@ mod tests {
         assert_eq!(report.abstained["d"], 2);
         assert!(read_queries("{\"dataset\": 1}").is_err());
     }
+
+    #[test]
+    fn a_table_outside_its_splits_is_refused() {
+        let rates = [("d", 5, 10), ("d/easy", 4, 6), ("d/hard", 1, 4)];
+        let rates = rates.map(|(name, right, count)| (name.to_owned(), Rate::new(right, count)));
+        let (queries, abstained) = (BTreeMap::new(), BTreeMap::new());
+        let tier = String::new();
+        let time_us = TimeUs::default();
+        let mut report = Report { tier, rates: rates.into(), queries, judged: 10, abstained, time_us };
+        assert_eq!(find_contradiction(&report), None);
+        report.rates.insert("d".to_owned(), Rate::new(9, 10));
+        assert!(find_contradiction(&report).is_some());
+    }
+
+    #[test]
+    fn what_is_meant_is_there() {
+        let scenes = read_scenes(
+            &r#"{"scene_id": "a", "objects": [
+            {"id": 1, "label": "bed", "center": [0,0,0.3], "size": [2,1.6,0.6], "mean_rgb": null, "front": [1,0,0]},
+            {"id": 2, "label": "nightstand", "center": [-0.5,1.2,0.3], "size": [0.4,0.4,0.5], "mean_rgb": null},
+            {"id": 3, "label": "nightstand", "center": [-0.5,-1.2,0.3], "size": [0.4,0.4,0.5], "mean_rgb": null},
+            {"id": 4, "label": "flurb", "center": [4,0,0.3], "size": [0.4,0.4,0.5], "mean_rgb": null}]}"#
+                .replace('\n', " "),
+        )
+        .unwrap();
+        let grounder = Grounder::new(GroundConfig::referring(), Arc::new(Knowledge::embedded().unwrap())).unwrap();
+        let (map, fronts) = (scenes["a"].import(), scenes["a"].fronts());
+        // A viewer who faces the front of the bed looks along -x, so that its left is -y.
+        for (text, position) in [
+            ("the nightstand to the left of the bed", 2),
+            ("facing the front of the bed, choose the nightstand that is on the right of it", 1),
+            ("the flurb", 3),
+            ("the object is a flurb. it has a bed next to it.", 3),
+            ("the nightstand with a bed to its right", 2),
+            ("facing the bed, the one on the left", 0),
+        ] {
+            let answer = grounder.ground_with_fronts(&map, &fronts, text, None);
+            assert_eq!(answer.object_id.map(|id| id.0), Some(position), "{text}: {:#?}", answer.query);
+        }
+    }
 }

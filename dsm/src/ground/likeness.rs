@@ -81,7 +81,12 @@ fn directed(scene: &Scene<'_>, word: RelationWord, a: &Aabb, anchor: usize) -> f
     let offset = a.center().xy() - b.center().xy();
     let cosine = offset.dot(&wanted) / offset.norm().max(1e-6);
     let level = 0.7 + 0.3 * f64::from(u8::from(height_share(a, b).max(height_share(b, a)) > 0.1));
-    (0.5 + 0.5 * cosine).powi(2) * (-FADING_PER_M * box_distance_m(a, b)).exp() * level
+    // In front and behind reach farther than beside, but less to the sides.
+    let (power, fading) = match word {
+        RelationWord::LeftOf | RelationWord::RightOf => (2, FADING_PER_M),
+        _ => (3, 0.5 * FADING_PER_M),
+    };
+    (0.5 + 0.5 * cosine).powi(power) * (-fading * box_distance_m(a, b)).exp() * level
 }
 
 /// Share of the target's footprint that lies in the hull of both anchors' footprints.

@@ -312,7 +312,8 @@ impl Parser<'_> {
                 continue;
             }
             if self.lenient
-                && self.peek().is_some_and(|word| matches!(word, "when" | "if" | "while" | "once" | "assuming"))
+                && (self.peek().is_some_and(|word| matches!(word, "when" | "if" | "while" | "once" | "assuming"))
+                    || self.next_is(&["as", "you"]))
             {
                 if depth > 0 {
                     return;
@@ -363,9 +364,17 @@ impl Parser<'_> {
                 continue;
             }
             if let Some((length, order)) = words::find_place(self.rest()) {
+                let sided = self.lenient && matches!(order, Order::Leftmost | Order::Rightmost);
+                if sided && depth > 0 {
+                    // "the cabinet near the floor on the right": people place the target, not what it is near.
+                    return;
+                }
                 self.at += length;
                 self.known_words += 1;
-                entity.selections.push(Selection { order, rank: 1 });
+                match entity.selections.last_mut().filter(|counted| sided && counted.rank > 1) {
+                    Some(counted) => counted.order = order,
+                    None => entity.selections.push(Selection { order, rank: 1 }),
+                }
                 continue;
             }
             if let Some((length, relation)) = words::find_relation(self.rest()) {

@@ -26,7 +26,8 @@ impl Parser<'_> {
         let length =
             self.rest().iter().position(|token| matches!(token.as_str(), "," | ".")).unwrap_or(self.rest().len());
         let clause = self.rest()[..length].to_vec();
-        let faced = clause.iter().rposition(|word| FACED.contains(&word.as_str()));
+        let looks = |place: usize| clause[place] != "at" || place > 0 && clause[place - 1].starts_with("look");
+        let faced = (0..clause.len()).rev().find(|&place| FACED.contains(&clause[place].as_str()) && looks(place));
         let enters = clause.iter().position(|word| ENTERING.contains(&word.as_str()));
         let front = clause.windows(2).rposition(|pair| pair[0] == "front" && pair[1] == "of").map(|place| place + 1);
         let back = clause.iter().position(|word| word == "back").and_then(|place| {
