@@ -30,6 +30,7 @@ mod filter;
 mod grounder;
 mod lexicon;
 mod likeness;
+mod modifiers;
 mod noun;
 mod parse;
 mod query;
