@@ -29,7 +29,7 @@ fn alike(a: [f64; 3], b: [f64; 3], lightness_weight: f64) -> f32 {
 
 /// Weight of lightness between words: light and exposure make white things gray and gray things black. Chosen so that
 /// white and gray stay alike by more than a constraint needs to hold, and white and black do not.
-const WORD_LIGHTNESS_WEIGHT: f64 = 0.42;
+const WORD_LIGHTNESS_WEIGHT: f64 = 0.46;
 
 /// How alike two canonical colour words are, 0 to 1; 0 for a word without prototype unless both are the same.
 pub(super) fn word_similarity(words: &Words, a: &str, b: &str) -> f32 {
