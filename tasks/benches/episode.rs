@@ -27,7 +27,7 @@ fn bench(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("episode");
     group.sample_size(10);
     group.bench_function("explore_10_s", |bencher| {
-        bencher.iter(|| run_episode(&spec, None, Arc::new(AtomicBool::new(false)), &mut Silent).expect("it runs"));
+        bencher.iter(|| run_episode(&spec, None, Arc::new(AtomicBool::new(false)), Box::new(Silent)).expect("it runs"));
     });
     group.finish();
 }

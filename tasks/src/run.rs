@@ -2,13 +2,13 @@
 
 use crate::agent::{Agent, AgentConfig, Halt, Parts};
 use crate::assemble::{Assembled, assemble, grounder, knowledge};
-use crate::episode::Episode;
+use crate::episode::{Episode, Expectation, ExpectationKind};
 use crate::error::TaskError;
 use crate::executor::Executor;
 use crate::journal::Journal;
 use crate::perception::Perception;
 use crate::skills::grasp::GraspSettings;
-use crate::summary::{Failure, MapSummary, SUMMARY_SCHEMA, Stage, Summary};
+use crate::summary::{Failure, MapSummary, SUMMARY_SCHEMA, Stage, StepOutcome, StepSummary, Summary};
 use dsm::build::{BuildConfig, MapBuilder};
 use dsm::map::Map;
 use dsm::store::MapLog;
@@ -61,15 +61,15 @@ pub struct Finished {
 
 /// Hears about a run while it goes on.
 pub trait Progress {
-    /// The simulated time, and what is going on.
-    fn at(&mut self, sim_time_s: f64, what: &str);
+    /// The simulated time, seconds.
+    fn at(&mut self, sim_time_s: f64);
 }
 
 /// Nobody listens.
 pub struct Silent;
 
 impl Progress for Silent {
-    fn at(&mut self, _: f64, _: &str) {}
+    fn at(&mut self, _: f64) {}
 }
 
 /// Runs an episode. The map is logged to `map_file` while it grows, and replaced by its compact form at the end.
@@ -77,7 +77,7 @@ pub fn run_episode(
     spec: &RunSpec,
     map_file: Option<&Path>,
     interrupted: Arc<AtomicBool>,
-    progress: &mut dyn Progress,
+    mut progress: Box<dyn Progress>,
 ) -> Result<Finished, TaskError> {
     // Assemble: world, robot, detector, judge.
     let Assembled { robot, model, detector, truth, judge } = assemble(spec)?;
@@ -89,16 +89,19 @@ pub fn run_episode(
     let perception = Perception::start(detector, builder, map.clone(), log, config.mapping_latency);
     let judge = Rc::new(RefCell::new(judge));
     let watcher = judge.clone();
-    let on_tick = Box::new(move || truth.try_iter().for_each(|sample| watcher.borrow_mut().observe(sample)));
+    let on_tick = Box::new(move || {
+        for sample in truth.try_iter() {
+            progress.at(sample.stamp.as_s());
+            watcher.borrow_mut().observe(sample);
+        }
+    });
     let deadline = Stamp::from_s(spec.time_limit_s);
     let parts = Parts { robot, model: model.clone(), perception, map, deadline, interrupted, on_tick };
     let mut agent = Agent::new(parts, config);
 
     // Act.
     let mut executor = Executor::new(nav_config(&model), GraspSettings::default(), grounder()?, knowledge);
-    progress.at(0.0, "starting");
     let account = executor.run(&mut agent, &spec.episode.steps);
-    progress.at(agent.now().as_s(), "judging");
 
     // Let things come to rest under the eyes of the judge, unless the run was cut short.
     if account.halt.is_none() {
@@ -113,15 +116,14 @@ pub fn run_episode(
     let judge = judge.borrow();
     let expectations = judge.judge(&account.steps, &map);
     let failed = expectations.iter().find(|e| !e.passed);
-    let failure = account.failure.or_else(|| {
+    let failure = account.failure.or_else(|| find_refusal(&spec.episode.expectations, &account.steps)).or_else(|| {
         failed.map(|e| Failure {
             step: account.steps.len().saturating_sub(1),
             stage: Stage::Judging,
             reason: format!("{}: {}; required: {}", e.kind, e.measured, e.required),
         })
     });
-    let refused_as_expected = failure.is_none();
-    let success = refused_as_expected && failed.is_none();
+    let success = failure.is_none();
     let summary = Summary {
         schema: SUMMARY_SCHEMA,
         episode: spec.name.clone(),
@@ -145,6 +147,16 @@ pub fn run_episode(
     Ok(Finished { summary, map, journal })
 }
 
+/// A refusal that nobody expected: the words found nothing, or several things.
+fn find_refusal(expectations: &[Expectation], steps: &[StepSummary]) -> Option<Failure> {
+    if expectations.iter().any(|e| e.kind == ExpectationKind::Refused) {
+        return None;
+    }
+    let refused = steps.iter().find(|s| matches!(s.outcome, StepOutcome::Absent | StepOutcome::Ambiguous))?;
+    let word = if refused.outcome == StepOutcome::Absent { "absent" } else { "ambiguous" };
+    Some(Failure { step: refused.index, stage: Stage::Grounding, reason: format!("{word}: {}", refused.reason) })
+}
+
 /// Two seconds at rest, so that what is held is seen to be held.
 fn settle(agent: &mut Agent) {
     // A time limit during these seconds changes nothing that is judged.
@@ -163,4 +175,30 @@ fn nav_config(model: &RobotModel) -> NavConfig {
     nav.follower.max_acceleration_m_per_s2 = SHARE * base.max_acceleration_m_per_s2;
     nav.follower.max_turn_acceleration_rad_per_s2 = SHARE * base.max_turn_acceleration_rad_per_s2;
     nav
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: a refusal is a failure in grounding, unless the episode expects it.
+    use super::*;
+
+    #[test]
+    fn only_an_expected_refusal_is_a_success() {
+        let step = StepSummary {
+            index: 0,
+            command: "Grasp the unicorn".into(),
+            skill: "grasp".into(),
+            outcome: StepOutcome::Absent,
+            reason: "nothing is named so".into(),
+            start_s: 0.0,
+            duration_s: 1.0,
+            grounding: None,
+        };
+        let failure = find_refusal(&[], std::slice::from_ref(&step)).unwrap();
+        assert_eq!((failure.step, failure.stage), (0, Stage::Grounding));
+        let expected: Expectation = toml::from_str("kind = \"refused\"").unwrap();
+        assert_eq!(find_refusal(&[expected], std::slice::from_ref(&step)), None);
+        let done = StepSummary { outcome: StepOutcome::Done, ..step };
+        assert_eq!(find_refusal(&[], &[done]), None);
+    }
 }

@@ -22,5 +22,5 @@ pub fn apartment(episode: &str, seed: u64) -> Result<RunSpec> {
 
 /// Runs an episode; its map is written to `map_file`.
 pub fn run(spec: &RunSpec, map_file: &Path) -> Result<Finished> {
-    Ok(run_episode(spec, Some(map_file), Arc::new(AtomicBool::new(false)), &mut Silent)?)
+    Ok(run_episode(spec, Some(map_file), Arc::new(AtomicBool::new(false)), Box::new(Silent))?)
 }

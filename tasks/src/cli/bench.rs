@@ -197,7 +197,7 @@ fn measure_grounding(map: &Map, words: &str, rows: &mut Vec<Row>) -> Result<(), 
 /// The whole loop, exploring.
 fn measure_episode(spec: &RunSpec, rows: &mut Vec<Row>) -> Result<(), TaskError> {
     let mut watch = Watch::default();
-    let finished = watch.time(|| run_episode(spec, None, Arc::new(AtomicBool::new(false)), &mut Silent))?;
+    let finished = watch.time(|| run_episode(spec, None, Arc::new(AtomicBool::new(false)), Box::new(Silent)))?;
     rows.push(watch.rate("episode, exploring, loading included", "x real time", finished.summary.metrics.sim_time_s));
     Ok(())
 }

@@ -1,10 +1,10 @@
 //! `dsm explore SCENE`: explore and keep the map.
 
 use super::output::prepare_folder;
-use super::run::{catch_interrupt, default_folder, exit_code, progress_bar, run_and_write, set_threads};
+use super::run::{BarProgress, catch_interrupt, default_folder, exit_code, progress_bar, run_and_write, set_threads};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
-use crate::run::{RunSpec, Silent};
+use crate::run::RunSpec;
 use crate::settings::Settings;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -45,7 +45,7 @@ pub(super) fn run(args: ExploreArgs) -> anyhow::Result<u8> {
     let folder = prepare_folder(&args.out, &default_folder(&spec))?;
     let interrupted = catch_interrupt()?;
     let bar = progress_bar(spec.time_limit_s);
-    let summary = run_and_write(&spec, &folder, interrupted.clone(), &mut Silent)?;
+    let summary = run_and_write(&spec, &folder, interrupted.clone(), Box::new(BarProgress { bar: bar.clone() }))?;
     bar.finish_and_clear();
     Output::new(args.result).give(&summary, || {
         let m = &summary.map;

@@ -49,8 +49,8 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<u8> {
     let folder = prepare_folder(&args.out, &default_folder(&spec))?;
     let interrupted = catch_interrupt()?;
     let bar = progress_bar(spec.time_limit_s);
-    let mut progress = BarProgress { bar: bar.clone() };
-    let summary = run_and_write(&spec, &folder, interrupted.clone(), &mut progress)?;
+    let progress = Box::new(BarProgress { bar: bar.clone() });
+    let summary = run_and_write(&spec, &folder, interrupted.clone(), progress)?;
     bar.finish_and_clear();
     Output::new(args.result).give(&summary, || describe(&summary, &folder))?;
     Ok(exit_code(&summary, interrupted.load(Ordering::Relaxed)))
@@ -81,7 +81,7 @@ pub(super) fn run_and_write(
     spec: &RunSpec,
     folder: &Path,
     interrupted: Arc<AtomicBool>,
-    progress: &mut dyn Progress,
+    progress: Box<dyn Progress>,
 ) -> Result<Summary, TaskError> {
     // Wall time is measured here, at the edge, and goes into timing.json alone.
     #[expect(clippy::disallowed_methods)]
@@ -128,21 +128,21 @@ pub(super) fn set_threads(threads: u16) -> Result<(), TaskError> {
         .map_err(|e| TaskError::Internal(e.to_string()))
 }
 
-struct BarProgress {
-    bar: ProgressBar,
+/// Shows the simulated time of a run as a bar.
+pub(super) struct BarProgress {
+    pub(super) bar: ProgressBar,
 }
 
 impl Progress for BarProgress {
-    fn at(&mut self, sim_time_s: f64, what: &str) {
+    fn at(&mut self, sim_time_s: f64) {
         self.bar.set_position(sim_time_s as u64);
-        self.bar.set_message(what.to_owned());
     }
 }
 
 /// A bar on stderr; hidden when stderr is no terminal.
 pub(super) fn progress_bar(limit_s: f64) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(limit_s as u64), ProgressDrawTarget::stderr());
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos:>3} of {len} simulated s  {msg}") {
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos:>3} of {len} simulated s") {
         bar.set_style(style);
     }
     bar

@@ -246,7 +246,7 @@ fn run_one(spec: &RunSpec, folder: &Path, force: bool, interrupted: &Arc<AtomicB
     let out = OutArgs { out: Some(folder.join(format!("{}-{}", spec.name, spec.seed))), force };
     let result = catch_unwind(AssertUnwindSafe(|| {
         let folder = prepare_folder(&out, Path::new("."))?;
-        run_and_write(spec, &folder, interrupted.clone(), &mut Silent)
+        run_and_write(spec, &folder, interrupted.clone(), Box::new(Silent))
     }));
     let crashed = |reason: String| SuiteEpisode {
         id: spec.name.clone(),
