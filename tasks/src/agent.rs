@@ -16,6 +16,7 @@ use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::{DriverError, JointState, Robot, Twist};
 use dsm_robot::joints::JointVelocities;
 use dsm_robot::model::{Configuration, RobotModel};
+use dsm_robot::nav::{LiveConfig, LiveObstacles};
 use nalgebra::{DMatrix, DVector, Point2, Point3, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -47,7 +48,7 @@ impl From<TaskError> for Halt {
 }
 
 /// Parameters of the loop.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct AgentConfig {
     /// Control period; default 10 ms.
     pub period: Span,
@@ -57,6 +58,8 @@ pub struct AgentConfig {
     pub planning_latency: Span,
     /// Proportional gain of the head, 1/s; default 4.
     pub head_gain_per_s: f64,
+    /// What counts as an obstacle in a single frame.
+    pub live: LiveConfig,
 }
 
 impl Default for AgentConfig {
@@ -66,6 +69,7 @@ impl Default for AgentConfig {
             mapping_latency: Span(200_000_000),
             planning_latency: Span(100_000_000),
             head_gain_per_s: 4.0,
+            live: LiveConfig::default(),
         }
     }
 }
@@ -122,10 +126,12 @@ pub struct Agent {
     /// Where the head looks.
     pub gaze: Gaze,
     grip: Option<(f64, f64)>,
-    /// Box around what the hand holds, tool frame: it belongs to the robot and is left out of the map.
-    pub held: Option<OrientedBox>,
+    empty_handed: Arc<RobotModel>,
+    held: Option<OrientedBox>,
     /// Where the base was held up by something that the map does not show, world frame.
     pub bumps: Vec<Point2<f64>>,
+    /// What the cameras measured around the base a moment ago.
+    pub live: LiveObstacles,
     frames: BTreeMap<String, Seen>,
     /// What happened, for the report.
     pub journal: Journal,
@@ -154,6 +160,7 @@ impl Agent {
     pub fn new(parts: Parts, config: AgentConfig) -> Self {
         Self {
             robot: parts.robot,
+            empty_handed: parts.model.clone(),
             model: parts.model,
             config,
             perception: parts.perception,
@@ -166,6 +173,7 @@ impl Agent {
             grip: None,
             held: None,
             bumps: Vec::new(),
+            live: LiveObstacles::default(),
             frames: BTreeMap::new(),
             journal: Journal::default(),
         }
@@ -222,13 +230,8 @@ impl Agent {
         let frame = Arc::new(frame);
         let configuration = self.configuration()?;
         let world_from_base = self.world_from_base()?;
-        let mut bodies = self.model.link_boxes(&configuration, &world_from_base);
-        bodies.extend(self.held.map(|held| {
-            let base_from_tool = self.model.kinematics.root_from_link(&configuration, self.model.tool);
-            let world_from_held = world_from_base * base_from_tool * held.world_from_box();
-            let center = Point3::from(world_from_held.translation.vector);
-            OrientedBox { center, size: held.size, rotation: world_from_held.rotation }
-        }));
+        let bodies = self.model.link_boxes(&configuration, &world_from_base);
+        self.live.observe(&frame, &bodies, &self.config.live);
         let carrier = Carrier {
             bodies,
             footprint: Some((
@@ -311,6 +314,21 @@ impl Agent {
     /// Sets what the gripper does until told otherwise: width in metres, greatest force in newtons.
     pub fn grip(&mut self, width_m: f64, max_force_n: f64) {
         self.grip = Some((width_m, max_force_n));
+    }
+
+    /// Says what the hand holds, as a box in the tool frame: it belongs to the robot from here on, is left out of the map
+    /// and counts in collision checks. `None` when it holds nothing any more.
+    pub fn hold(&mut self, held_in_tool: Option<OrientedBox>) {
+        self.held = held_in_tool;
+        self.model = match &self.held {
+            Some(held) => Arc::new(self.empty_handed.holding(held)),
+            None => self.empty_handed.clone(),
+        };
+    }
+
+    /// What the hand holds, as a box in the tool frame.
+    pub fn held(&self) -> Option<&OrientedBox> {
+        self.held.as_ref()
     }
 
     /// The gripper's free width in metres, and whether the fingers move.

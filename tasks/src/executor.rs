@@ -7,7 +7,7 @@ use crate::skills::drive::{Drive, DriveOutcome};
 use crate::skills::explore::{Explorer, Interest};
 use crate::skills::grasp::{GraspSettings, grasp};
 use crate::skills::navigate::{navigate_to_object, navigate_to_room};
-use crate::skills::place::{Held, Standing, carry, place};
+use crate::skills::place::{Held, Standing, carry, carrying, place};
 use crate::skills::search::{Thoroughness, search};
 use crate::summary::{Failure, Stage, StepOutcome, StepSummary};
 use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, parse_command};
@@ -270,8 +270,9 @@ impl Executor {
         destination: Option<&Grounding>,
         start: Pose2,
     ) -> Result<Outcome, Halt> {
+        let nav = carrying(agent, &self.nav)?;
         let Some(destination) = destination else {
-            return Ok(match Drive::to_place(&self.nav, start.position).run(agent)? {
+            return Ok(match Drive::to_place(&nav, start.position).run(agent)? {
                 DriveOutcome::Arrived => Outcome::Done("brought to where the command was given".into()),
                 other => Outcome::Failed(Stage::Planning, format!("the way back failed: {other:?}")),
             });
@@ -279,8 +280,8 @@ impl Executor {
         let Some(surface) = destination.object_id else {
             return Ok(Outcome::Failed(Stage::Grounding, "a room is not a surface; name one in it".into()));
         };
-        let outcome = place(agent, &self.nav, &self.grasping, held, surface)?;
-        if agent.held.is_none() {
+        let outcome = place(agent, &nav, &self.grasping, held, surface)?;
+        if agent.held().is_none() {
             self.held = None;
         }
         Ok(outcome)

@@ -11,8 +11,9 @@ use crate::frame::RgbdFrame;
 use crate::map::{CellState, FreeSpace, MapChange};
 use nalgebra::{Point2, Point3};
 
-/// Height bands of a column between obstacle height and headroom.
-const BANDS: usize = 8;
+/// Height bands of a column between obstacle height and headroom: thin, so that looks past the edge of a table top do
+/// not free it.
+const BANDS: usize = 24;
 /// Counter gained by a band in a frame that measured something there.
 const HIT: i8 = 2;
 /// Counter lost in a frame that looked through.
@@ -23,8 +24,10 @@ const OCCUPIED: i8 = 4;
 const LOWEST: i8 = -4;
 /// Highest counter: seven looks through an obstacle clear it.
 const HIGHEST: i8 = 10;
-/// Points of a frame in one band of a column that count as a hit.
+/// Points of a frame in one band of a column and its neighbours that count as a hit.
 const HIT_POINTS: u8 = 2;
+/// No more points than this are counted.
+const MOST_POINTS: u8 = 50;
 /// Columns of points across the image, whatever its width.
 const POINTS_ACROSS: usize = 160;
 /// Every n-th column and row of the points is a ray.
@@ -48,7 +51,7 @@ struct Look {
     floor: u8,
     hits: [u8; BANDS],
     /// Bit per band that a ray crossed.
-    crossed: u8,
+    crossed: u32,
 }
 
 /// Evidence about all columns.
@@ -124,7 +127,8 @@ impl Column {
             self.floor = self.floor.saturating_add(1).min(100);
         }
         for (band, counter) in self.bands.iter_mut().enumerate() {
-            if look.hits[band] >= HIT_POINTS {
+            let around = &look.hits[band.saturating_sub(1)..(band + 2).min(BANDS)];
+            if look.hits[band] > 0 && around.iter().sum::<u8>() >= HIT_POINTS {
                 *counter = (*counter + HIT).min(HIGHEST);
             } else if look.hits[band] == 0 && look.crossed >> band & 1 == 1 {
                 *counter = (*counter - MISS).max(LOWEST);
@@ -200,7 +204,7 @@ fn mark_hit(config: &BuildConfig, looks: &mut CellGrid<Look>, known: &FreeSpace,
     } else if point.z > config.obstacle_height_m + tilt
         && let Some(band) = band_of(config, point.z)
     {
-        look.hits[band] = look.hits[band].saturating_add(1);
+        look.hits[band] = (look.hits[band] + 1).min(MOST_POINTS);
     }
 }
 

@@ -43,6 +43,22 @@ pub(super) fn word_similarity(words: &Words, a: &str, b: &str) -> f32 {
     }
 }
 
+/// Distance in CIELAB within which light alone may turn one colour into another, and how little lightness counts there:
+/// dim light makes white gray, but not blue purple.
+const SAME_BUT_FOR_LIGHT: (f64, f64) = (16.0, 0.2);
+
+/// Whether a thing of colour `asked` may be seen as `voted` because of the light alone, 0 to 1.
+pub(super) fn may_be_seen_as(words: &Words, asked: &str, voted: &str) -> f32 {
+    if asked == voted {
+        return 1.0;
+    }
+    let find = |name: &str| words.prototypes.iter().find(|p| p.name == name).map(|p| lab_of(p.srgb.map(f64::from)));
+    let (Some(a), Some(b)) = (find(asked), find(voted)) else { return 0.0 };
+    let (distance, weight) = SAME_BUT_FOR_LIGHT;
+    let squared = weight * (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2);
+    (-squared / (distance * distance)).exp() as f32
+}
+
 /// How well a measured sRGB colour fits a canonical colour word, relative to the best-fitting word, 0 to 1.
 /// Lightness counts half: exposure changes it.
 pub(super) fn fit(words: &Words, asked: &str, srgb: [f64; 3]) -> f32 {
@@ -69,6 +85,8 @@ mod tests {
         assert!(word_similarity(words, "white", "black") < 0.02);
         assert!(word_similarity(words, "white", "beige") > 0.25);
         assert!(word_similarity(words, "white", "gray") > 0.3);
+        assert!(may_be_seen_as(words, "white", "gray") > 0.2);
+        assert!(may_be_seen_as(words, "purple", "blue") < 0.15);
         assert!(fit(words, "red", [170.0, 30.0, 35.0]) > 0.95);
         assert!(fit(words, "green", [170.0, 30.0, 35.0]) < 0.05);
     }

@@ -83,6 +83,8 @@ pub(super) fn evaluate(context: Context<'_, '_>, entity: &Entity) -> Evaluation 
         let mut scores = retrieve::attribute_scores(scene, term, &fits_noun, knowledge);
         if config.presume_present {
             likeness::soften(&mut scores, &result.total);
+        } else {
+            retrieve::doubt_colors(scene, term, knowledge, &mut scores);
         }
         let label = format!("{}{}", if term.negated { "not " } else { "" }, term.word);
         result.push(label, scores, vec![None; count]);

@@ -226,6 +226,27 @@ fn color_score(item: &Item<'_>, asked: &str, knowledge: &Knowledge) -> f32 {
     color::fit(words, asked, sum.map(|c| c / points.len() as f64)).max(CONTRADICTED)
 }
 
+/// Lowers the scores of things that cannot have the asked colour, however near it lies: where the thing may be missing, a
+/// blue mug is no purple one.
+pub(super) fn doubt_colors(scene: &Scene<'_>, term: &AttributeTerm, knowledge: &Knowledge, scores: &mut [f32]) {
+    /// Share of the votes from which the colour is believed.
+    const BELIEVED_SHARE: f32 = 0.25;
+    if term.kind != AttributeWord::Color || term.negated {
+        return;
+    }
+    let words = knowledge.words();
+    for (item, score) in scene.items.iter().zip(scores) {
+        let votes = item.object.attributes.find_votes(AttributeKind::Appearance, "color");
+        let Some(votes) = votes.filter(|votes| votes.total() > 0.0) else { continue };
+        let share = canonical_share(votes, &term.word, |word| words.colors.find(word));
+        let by_light = |(voted, weight): (&str, f32)| {
+            weight * color::may_be_seen_as(words, &term.word, words.colors.find(voted).unwrap_or(voted))
+        };
+        let seen_as: f32 = votes.iter().map(by_light).sum::<f32>() / votes.total();
+        *score = score.min((share / BELIEVED_SHARE).max(seen_as / 0.8).clamp(CONTRADICTED, 1.0));
+    }
+}
+
 /// From the box alone, so it never refuses.
 fn shape_score(item: &Item<'_>, word: &str) -> f32 {
     let size = item.object.bounds.size;

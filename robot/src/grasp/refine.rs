@@ -3,7 +3,7 @@
 use super::candidates::GraspCandidate;
 use super::cloud::{find_clusters, mean, quantile, thin};
 use super::config::GraspConfig;
-use nalgebra::{Point3, Translation3, Vector3};
+use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 /// What a fresh look says about a grasp.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,10 +41,11 @@ pub fn refine_grasp(
     const SUPPORT_NOISE_M: f64 = 0.010;
     const JOIN_M: f64 = 0.009;
     const MIN_POINTS: usize = 12;
-    const SEARCH_M: f64 = 0.06;
-    const MAX_SHIFT_M: f64 = 0.05;
+    const SEARCH_M: f64 = 0.08;
+    const MAX_SHIFT_M: f64 = 0.08;
     let around = 0.5 * grasp.width_m + SEARCH_M;
     let tool_from_world = grasp.world_from_tool.inverse();
+    let support_z_m = find_support_z_m(points_in_world, support_z_m);
     let near: Vec<Point3<f64>> = points_in_world
         .iter()
         .filter(|p| p.z > support_z_m + SUPPORT_NOISE_M)
@@ -60,31 +61,83 @@ pub fn refine_grasp(
         .filter_map(|members| Some((mean(&members)?.coords.xy().norm(), members)))
         .min_by(|a, b| a.0.total_cmp(&b.0));
     let Some((_, members)) = chosen else { return Refinement::NotSeen };
-    let range = |values: Vec<f64>| Some((quantile(values.iter().copied(), 0.03)?, quantile(values, 0.97)?));
-    let half_slab = 0.5 * config.hand.finger_width_m + 0.005;
-    let Some((x_low, x_high)) = range(members.iter().map(|p| p.x).collect()) else { return Refinement::NotSeen };
-    let middle_x = 0.5 * (x_low + x_high);
-    let slab: Vec<&Point3<f64>> = members.iter().filter(|p| (p.x - middle_x).abs() < half_slab).collect();
-    let Some((y_low, y_high)) = range(slab.iter().map(|p| p.y).collect()) else { return Refinement::NotSeen };
-    let front = quantile(slab.iter().map(|p| -p.z), 0.95).unwrap_or(grasp.front_m);
-    // Upright things keep their height: the support hides how far down they reach.
     let up_in_tool = tool_from_world.rotation * Vector3::z();
-    let mut shift = Vector3::new(middle_x, 0.5 * (y_low + y_high), grasp.front_m - front);
+    // From above, turning the hand costs nothing: around a handle, or square to a box.
+    let turns: &[f64] = if up_in_tool.z.abs() > 0.95 { &TURNS_RAD } else { &TURNS_RAD[..1] };
+    let fits = turns.iter().filter_map(|&turn_rad| Some((turn_rad, fit(&members, turn_rad, config)?)));
+    let narrowest = fits.min_by(|a, b| {
+        let cost = |fit: &(f64, Fit)| fit.1.width_m + TURN_COST_M_PER_RAD * fit.0.abs();
+        cost(a).total_cmp(&cost(b))
+    });
+    let Some((turn_rad, fit)) = narrowest else { return Refinement::NotSeen };
+    let front = fit.front_m.unwrap_or(grasp.front_m);
+    let tool_from_turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn_rad);
+    // Upright things keep their height: the support hides how far down they reach.
+    let mut shift = tool_from_turned * Vector3::new(fit.middle_x_m, fit.middle_y_m, grasp.front_m - front);
     shift -= up_in_tool * shift.dot(&up_in_tool);
     let shift_m = shift.norm();
     if shift_m > MAX_SHIFT_M {
         return Refinement::Moved { shift_m };
     }
-    let width_m = y_high - y_low;
+    let width_m = fit.width_m;
     if width_m + config.aperture_margin_m > config.hand.max_aperture_m {
         return Refinement::TooWide { width_m };
     }
     let mut refined = grasp.clone();
-    refined.world_from_tool = grasp.world_from_tool * Translation3::from(shift);
+    refined.world_from_tool = grasp.world_from_tool * Translation3::from(shift) * tool_from_turned;
     refined.width_m = width_m;
     refined.opening_m = (width_m + config.opening_margin_m).max(grasp.opening_m).min(config.hand.max_aperture_m);
     refined.front_m = front + shift.z;
     Refinement::Refined { grasp: refined, shift_m }
+}
+
+/// Height of the support in the fresh points: where most of them lie, near the height known from afar. A support that is
+/// taken too low joins the target with all that stands around it.
+fn find_support_z_m(points_in_world: &[Point3<f64>], known_z_m: f64) -> f64 {
+    const REACH_M: f64 = 0.03;
+    const BIN_M: f64 = 0.004;
+    const BINS: usize = 16;
+    const MIN_POINTS: usize = 60;
+    let mut counts = [0_usize; BINS];
+    for point in points_in_world {
+        let bin = ((point.z - known_z_m + REACH_M) / BIN_M).floor();
+        if (0.0..BINS as f64).contains(&bin) {
+            counts[bin as usize] += 1;
+        }
+    }
+    let fullest = (0..BINS).max_by_key(|&bin| (counts[bin], bin)).filter(|&bin| counts[bin] >= MIN_POINTS);
+    fullest.map_or(known_z_m, |bin| known_z_m - REACH_M + (bin as f64 + 0.5) * BIN_M)
+}
+
+/// Turns of the hand that are tried from above, radians.
+const TURNS_RAD: [f64; 9] = [0.0, 0.26, -0.26, 0.52, -0.52, 0.79, -0.79, 1.05, -1.05];
+/// A turn must make the grasp narrower by so much, metres per radian.
+const TURN_COST_M_PER_RAD: f64 = 0.012;
+
+/// A cluster as the turned hand would hold it, in the turned tool frame.
+struct Fit {
+    middle_x_m: f64,
+    middle_y_m: f64,
+    width_m: f64,
+    front_m: Option<f64>,
+}
+
+fn fit(members: &[Point3<f64>], turn_rad: f64, config: &GraspConfig) -> Option<Fit> {
+    let (sin, cos) = turn_rad.sin_cos();
+    let turned: Vec<Point3<f64>> =
+        members.iter().map(|p| Point3::new(cos * p.x + sin * p.y, cos * p.y - sin * p.x, p.z)).collect();
+    let range = |values: Vec<f64>| Some((quantile(values.iter().copied(), 0.03)?, quantile(values, 0.97)?));
+    let half_slab = 0.5 * config.hand.finger_width_m + 0.005;
+    let (x_low, x_high) = range(turned.iter().map(|p| p.x).collect())?;
+    let middle_x_m = 0.5 * (x_low + x_high);
+    let slab: Vec<&Point3<f64>> = turned.iter().filter(|p| (p.x - middle_x_m).abs() < half_slab).collect();
+    let (y_low, y_high) = range(slab.iter().map(|p| p.y).collect())?;
+    Some(Fit {
+        middle_x_m,
+        middle_y_m: 0.5 * (y_low + y_high),
+        width_m: y_high - y_low,
+        front_m: quantile(slab.iter().map(|p| -p.z), 0.95),
+    })
 }
 
 #[cfg(test)]
@@ -129,12 +182,29 @@ mod tests {
     }
 
     #[test]
+    fn a_support_known_too_low_does_not_join_the_target_with_its_surroundings() {
+        let config = GraspConfig::default();
+        let planned_at = Point3::new(1.0, 0.0, 0.736);
+        let truth = planned_at + Vector3::new(0.0, 0.03, 0.0);
+        let mut fresh = sphere(truth, 0.036, 0.002, 2500, 7);
+        fresh.extend(block(Point3::new(1.0, 0.0, 0.695), Vector3::new(0.6, 0.6, 0.01), 0.0, 0.002, 9000, 8));
+        let down = planned(planned_at).into_iter().find(|g| (g.world_from_tool.rotation * Vector3::z()).z < -0.95);
+        let grasp = down.expect("a grasp from above");
+        let seen = seen_from(&fresh, &truth, Vector3::z(), -0.012);
+        let Refinement::Refined { grasp: refined, .. } = refine_grasp(&grasp, &seen, 0.7 - 0.018, &config) else {
+            panic!("not refined")
+        };
+        let off = refined.world_from_tool.inverse_transform_point(&truth);
+        assert!(off.xy().coords.norm() < 0.008, "{off:?}");
+    }
+
+    #[test]
     fn tells_gone_and_moved_apart() {
         let config = GraspConfig::default();
         let center = Point3::new(1.0, 0.0, 0.736);
         let grasp = &planned(center)[0];
         assert_eq!(refine_grasp(grasp, &[], 0.7, &config), Refinement::NotSeen);
-        let far = sphere(center + Vector3::new(0.0, 0.075, 0.0), 0.036, 0.002, 2500, 7);
+        let far = sphere(center + Vector3::new(0.0, 0.11, 0.0), 0.036, 0.002, 2500, 7);
         let far = refine_grasp(grasp, &far, 0.7, &config);
         assert!(matches!(far, Refinement::Moved { .. } | Refinement::NotSeen), "{far:?}");
     }

@@ -8,6 +8,7 @@
 
 mod boxes;
 pub mod collision;
+mod holding;
 pub mod kinematics;
 pub mod settings;
 pub mod shapes;

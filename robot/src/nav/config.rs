@@ -1,6 +1,6 @@
 //! All parameters of navigation.
 
-use super::{CostmapConfig, CoverageConfig, FollowerConfig, FrontierConfig, GoalConfig};
+use super::{CostmapConfig, CoverageConfig, FollowerConfig, FrontierConfig, GoalConfig, LiveConfig};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -17,6 +17,8 @@ pub struct NavConfig {
     pub coverage: CoverageConfig,
     /// Following a path.
     pub follower: FollowerConfig,
+    /// What the cameras measured a moment ago.
+    pub live: LiveConfig,
     /// Standing places.
     pub goal: GoalConfig,
 }
@@ -85,6 +87,14 @@ impl NavConfig {
         check("follower.yaw_tolerance_rad", w.yaw_tolerance_rad, 0.005, 0.5)?;
         check("follower.off_path_m", w.off_path_m, 0.1, 3.0)?;
         check("follower.stall_s", w.stall_s, 0.2, 20.0)?;
+        let l = &self.live;
+        check("live.range_m", l.range_m, 0.5, 6.0)?;
+        check("live.lowest_m", l.lowest_m, 0.01, 0.5)?;
+        check("live.highest_m", l.highest_m, 0.1, 3.0)?;
+        check("live.min_points", f64::from(l.min_points), 1.0, 50.0)?;
+        check("live.memory_s", l.memory_s, 0.2, 30.0)?;
+        check("live.braking_m_per_s2", l.braking_m_per_s2, 0.05, 5.0)?;
+        check("live.margin_m", l.margin_m, 0.0, 0.3)?;
         let g = &self.goal;
         for (range, min, preferred, max) in [
             (&g.view, "goal.view.min_m", "goal.view.preferred_m", "goal.view.max_m"),

@@ -2,6 +2,7 @@
 
 use super::costmap::Costmap;
 use super::grid::{bearing, wrap_angle};
+use super::live::SpeedLimits;
 use super::planner::{Path, Pose2};
 use crate::drivers::Twist;
 use dsm::Pose;
@@ -132,12 +133,13 @@ pub struct Follower {
     leg: usize,
     command: Twist,
     stalled_s: f64,
+    held_s: f64,
 }
 
 impl Follower {
     /// A follower at rest at the beginning of `path` (which has at least one point).
     pub fn new(config: FollowerConfig, path: Path) -> Self {
-        Self { config, path, phase: Phase::TurnToPath, leg: 0, command: Twist::default(), stalled_s: 0.0 }
+        Self { config, path, phase: Phase::TurnToPath, leg: 0, command: Twist::default(), stalled_s: 0.0, held_s: 0.0 }
     }
 
     /// Takes another path without stopping.
@@ -152,8 +154,16 @@ impl Follower {
         &self.path
     }
 
-    /// The next command, `dt_s` after the last one. `measured` is the velocity of the base, `costmap` the newest one.
-    pub fn tick(&mut self, world_from_base: &Pose, measured: Twist, costmap: &Costmap, dt_s: f64) -> FollowOutput {
+    /// The next command, `dt_s` after the last one. `measured` is the velocity of the base, `costmap` the newest one,
+    /// `limits` what the cameras showed a moment ago.
+    pub fn tick(
+        &mut self,
+        world_from_base: &Pose,
+        measured: Twist,
+        costmap: &Costmap,
+        limits: &SpeedLimits,
+        dt_s: f64,
+    ) -> FollowOutput {
         let pose = Pose2::from_pose(world_from_base);
         let Some(&goal) = self.path.points.last() else {
             return self.output(Twist::default(), dt_s, FollowStatus::Arrived);
@@ -163,7 +173,8 @@ impl Follower {
         let goal_distance_m = (goal - pose.position).norm();
         // Stages: judge, choose a phase, command.
         if self.phase != Phase::Arrived {
-            if let Some(reason) = self.find_block(&pose, &on_path, measured, costmap, dt_s) {
+            let block = self.find_block(&pose, &on_path, measured, costmap, dt_s);
+            if let Some(reason) = block.or_else(|| self.find_hold_up(limits, dt_s)) {
                 return self.output(Twist::default(), dt_s, FollowStatus::Blocked { reason });
             }
             if off_path_m > self.config.off_path_m {
@@ -180,7 +191,7 @@ impl Follower {
             }
             Phase::Drive => {
                 let target = self.find_target(&pose, &on_path, costmap);
-                self.drive(&pose, &target, remaining_m.max(goal_distance_m), goal_distance_m, costmap)
+                self.drive(&pose, &target, remaining_m.max(goal_distance_m), goal_distance_m, costmap, limits)
             }
         };
         let status = match self.phase {
@@ -308,6 +319,7 @@ impl Follower {
         remaining_m: f64,
         goal_distance_m: f64,
         costmap: &Costmap,
+        limits: &SpeedLimits,
     ) -> Twist {
         const REVERSE_WITHIN_M: f64 = 0.25;
         let c = &self.config;
@@ -331,8 +343,29 @@ impl Follower {
             .min((2.0 * 0.8 * c.max_acceleration_m_per_s2 * remaining_m).sqrt())
             .min(c.max_turn_rad_per_s / curvature.abs().max(1e-6))
             .min(c.max_speed_m_per_s * (1.0 - 0.8 * error.abs() / c.turn_in_place_rad).max(0.15));
+        let limit = if direction > 0.0 { limits.forward_m_per_s } else { limits.backward_m_per_s };
+        if limit < speed && error.abs() > 0.1 {
+            // What is ahead may be beside the way: turning clears it.
+            let turn = self.turn(error).turn_rad_per_s;
+            return Twist { forward_m_per_s: direction * limit, turn_rad_per_s: turn };
+        }
+        let speed = speed.min(limit);
         // Backwards the sign of the curvature holds for the turned heading.
         Twist { forward_m_per_s: direction * speed, turn_rad_per_s: speed * curvature }
+    }
+
+    /// What the cameras show right ahead, when it has kept the base standing for a moment.
+    fn find_hold_up(&mut self, limits: &SpeedLimits, dt_s: f64) -> Option<BlockReason> {
+        const STANDS_M_PER_S: f64 = 0.03;
+        const AFTER_S: f64 = 0.4;
+        let stands = self.phase == Phase::Drive
+            && limits.forward_m_per_s < STANDS_M_PER_S
+            && (0.0..STANDS_M_PER_S).contains(&self.command.forward_m_per_s)
+            && self.command.turn_rad_per_s.abs() < 0.1;
+        self.held_s = if stands { self.held_s + dt_s } else { 0.0 };
+        let at = limits.ahead.filter(|_| self.held_s > AFTER_S)?;
+        self.held_s = 0.0;
+        Some(BlockReason::Obstacle { at })
     }
 
     fn find_block(

@@ -4,7 +4,7 @@
 //! FreeSpace ──▶ Costmap ──▶ Field ──▶ frontiers, viewpoints, standing poses ──▶ Path ──▶ Follower ──▶ Twist
 //! ```
 //!
-//! Everything but [`Follower`] and the two memories ([`FrontierMemory`], [`CoverageGrid`]) is a function of its inputs.
+//! Everything but [`Follower`] and the memories ([`FrontierMemory`], [`CoverageGrid`], [`LiveObstacles`]) is a function of its inputs.
 
 mod config;
 mod costmap;
@@ -13,6 +13,7 @@ mod follower;
 mod frontier;
 mod goal;
 mod grid;
+mod live;
 mod planner;
 mod sight;
 
@@ -23,6 +24,7 @@ pub use follower::{BlockReason, FollowOutput, FollowStatus, Follower, FollowerCo
 pub use frontier::{Frontier, FrontierConfig, FrontierMemory, find_frontiers};
 pub use goal::{GoalConfig, StandPose, StandRange, find_reach_poses, find_room_pose, find_view_poses};
 pub use grid::Grid;
+pub use live::{LiveConfig, LiveObstacles, SpeedLimits};
 pub use planner::{Field, Path, PlanFailure, Pose2, find_path};
 pub use sight::{Sight, Visibility};
 

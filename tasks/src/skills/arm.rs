@@ -11,7 +11,7 @@ use dsm_robot::model::LinkId;
 use dsm_robot::model::collision::Obstacle;
 
 /// A motion that has not come nearer to its goal for this long is stuck.
-const STUCK_AFTER: Span = Span(800_000_000);
+pub const STUCK_AFTER: Span = Span(800_000_000);
 /// Greatest joint error at the end of a path that still counts as its end, radians or metres.
 const NEAR_ENOUGH_RAD: f64 = 0.4;
 /// Improvement that counts for a joint motion, radians or metres.
@@ -38,11 +38,12 @@ struct Watch {
     best: f64,
     since_s: f64,
     progress: f64,
+    patience_s: f64,
 }
 
 impl Watch {
-    fn new(now_s: f64, progress: f64) -> Self {
-        Self { best: f64::INFINITY, since_s: now_s, progress }
+    fn new(now_s: f64, progress: f64, patience: Span) -> Self {
+        Self { best: f64::INFINITY, since_s: now_s, progress, patience_s: patience.as_s() }
     }
 
     /// Whether the motion is stuck.
@@ -50,7 +51,7 @@ impl Watch {
         if error < self.best - self.progress {
             *self = Self { best: error, since_s: now_s, ..*self };
         }
-        now_s - self.since_s > STUCK_AFTER.as_s()
+        now_s - self.since_s > self.patience_s
     }
 }
 
@@ -58,7 +59,7 @@ impl Watch {
 pub fn move_joints(agent: &mut Agent, goal: &JointPositions, obstacles: &[Obstacle]) -> Result<ArmOutcome, Halt> {
     let model = agent.model().clone();
     let mut motion = JointMove::new(&model, &model.arm, goal, model.settings.control.clone());
-    let mut watch = Watch::new(agent.now().as_s(), JOINT_PROGRESS);
+    let mut watch = Watch::new(agent.now().as_s(), JOINT_PROGRESS, STUCK_AFTER);
     loop {
         let state = agent.arm_state()?;
         motion.set_other_joints(agent.configuration()?.positions());
@@ -115,6 +116,8 @@ pub struct ToolMove<'a> {
     pub speed_m_per_s: f64,
     /// Joints to prefer where the pose leaves them free.
     pub posture: Option<&'a JointPositions>,
+    /// Without progress for this long the motion is stuck.
+    pub give_up_after: Span,
 }
 
 /// Moves the tool to a pose in the base frame.
@@ -127,7 +130,7 @@ pub fn move_tool(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<ArmOutcome,
     }
     controller.set_touching(motion.touching);
     let goal = ToolGoal::from(motion.goal);
-    let mut watch = Watch::new(agent.now().as_s(), TOOL_PROGRESS_M);
+    let mut watch = Watch::new(agent.now().as_s(), TOOL_PROGRESS_M, motion.give_up_after);
     loop {
         let state = agent.arm_state()?;
         controller.set_other_joints(agent.configuration()?.positions());

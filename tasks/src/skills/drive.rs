@@ -1,11 +1,13 @@
 //! Driving to a pose: plan, follow, plan again while driving.
 
 use crate::agent::{Agent, Halt};
-use dsm::map::{CellState, Map};
+use dsm::map::{CellState, FreeSpace, Map};
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
-use dsm_robot::nav::{BlockReason, Costmap, FollowStatus, Follower, NavConfig, Path, PlanFailure, Pose2, find_path};
+use dsm_robot::nav::{
+    BlockReason, Costmap, FollowStatus, Follower, LiveObstacles, NavConfig, Path, PlanFailure, Pose2, find_path,
+};
 use nalgebra::{Point2, Point3};
 use std::sync::Arc;
 
@@ -39,6 +41,8 @@ pub struct Drive<'a> {
     heading_rad: Option<f64>,
     end: Option<Stamp>,
     enough: Option<&'a mut Enough<'a>>,
+    /// What stopped this drive.
+    in_the_way: Vec<Point2<f64>>,
 }
 
 type Planned = (Costmap, Result<Path, PlanFailure>);
@@ -46,12 +50,19 @@ type Planned = (Costmap, Result<Path, PlanFailure>);
 impl<'a> Drive<'a> {
     /// To a pose.
     pub fn to_pose(nav: &'a NavConfig, goal: Pose2) -> Self {
-        Self { nav, goal: goal.position, heading_rad: Some(goal.yaw_rad), end: None, enough: None }
+        Self {
+            nav,
+            goal: goal.position,
+            heading_rad: Some(goal.yaw_rad),
+            end: None,
+            enough: None,
+            in_the_way: Vec::new(),
+        }
     }
 
     /// To a place, with any heading.
     pub fn to_place(nav: &'a NavConfig, goal: Point2<f64>) -> Self {
-        Self { nav, goal, heading_rad: None, end: None, enough: None }
+        Self { nav, goal, heading_rad: None, end: None, enough: None, in_the_way: Vec::new() }
     }
 
     /// Gives up at `end`.
@@ -86,7 +97,8 @@ impl<'a> Drive<'a> {
             }
             let world_from_base = agent.world_from_base()?;
             let velocity = agent.base_velocity()?;
-            let output = follower.tick(&world_from_base, velocity, &costmap, agent.period().as_s());
+            let limits = agent.live.find_speed_limits(&world_from_base, costmap.footprint_radius_m(), &self.nav.live);
+            let output = follower.tick(&world_from_base, velocity, &costmap, &limits, agent.period().as_s());
             agent.tick(output.twist, &still)?;
             match output.status {
                 FollowStatus::Following { .. } => {}
@@ -96,10 +108,13 @@ impl<'a> Drive<'a> {
                     if trouble >= MAX_TROUBLE {
                         return Ok(DriveOutcome::Blocked(format!("{reason:?}")));
                     }
-                    if reason == BlockReason::Stalled {
-                        come_free(agent)?;
-                        // What the follower commanded before does not hold any more.
-                        follower = Follower::new(self.nav.follower.clone(), follower.path().clone());
+                    match reason {
+                        BlockReason::Stalled => {
+                            come_free(agent)?;
+                            // What the follower commanded before does not hold any more.
+                            follower = Follower::new(self.nav.follower.clone(), follower.path().clone());
+                        }
+                        BlockReason::Obstacle { at } => self.in_the_way.push(at),
                     }
                     agent.rest(Span::from_s(0.5))?;
                     planned_at = Stamp(now.0 - REPLAN_EVERY.0);
@@ -140,17 +155,33 @@ impl<'a> Drive<'a> {
         let map = agent.map().clone();
         let start = Pose2::from_pose(&agent.world_from_base()?).position;
         let (config, goal, heading_rad) = (self.nav.costmap.clone(), self.goal, self.heading_rad);
-        let bumps = agent.bumps.clone();
+        let touched: Vec<Point2<f64>> = agent.bumps.iter().chain(&self.in_the_way).copied().collect();
+        let live = agent.live.clone();
         Ok(move || {
             let mut floor = map.free_space.clone();
-            for bump in &bumps {
-                floor.set(floor.cell_at(bump), CellState::Occupied);
+            add_unmapped(&mut floor, &live);
+            for place in &touched {
+                floor.set(floor.cell_at(place), CellState::Occupied);
             }
             let costmap = Costmap::from_free_space(&floor, &config);
             let path = find_path(&costmap, &start, &goal);
             let path = path.map(|path| Path { goal_yaw_rad: heading_rad, ..path });
             (costmap, path)
         })
+    }
+}
+
+/// Adds what the cameras see now and the map does not show yet. What lies beside a mapped obstacle is the same one, seen
+/// from a pose that wandered: it must not close a door.
+fn add_unmapped(floor: &mut FreeSpace, live: &LiveObstacles) {
+    let mut unmapped: Vec<[i32; 2]> = live.points().map(|point| floor.cell_at(&point)).collect();
+    unmapped.dedup();
+    unmapped.retain(|&[x, y]| {
+        let mut around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]));
+        !around.any(|cell| floor.state(cell) == CellState::Occupied)
+    });
+    for cell in unmapped {
+        floor.set(cell, CellState::Occupied);
     }
 }
 

@@ -2,9 +2,11 @@
 
 use super::Outcome;
 use super::approach::{Approach, find_approaches};
-use super::arm::{ArmOutcome, ToolMove, fold, move_through, move_tool};
+use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_through, move_tool};
 use super::drive::{Drive, DriveOutcome};
+use super::hold::{close, verify};
 use super::obstacles::find_obstacles;
+use super::wrist::center_with_wrist;
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
@@ -13,15 +15,13 @@ use dsm::time::Span;
 use dsm_robot::control::{IkRequest, find_ik};
 use dsm_robot::drivers::Twist;
 use dsm_robot::grasp::{
-    ApproachFrom, GraspCandidate, GraspConfig, GraspScene, PlacementConfig, Refinement, find_placements, plan_grasps,
-    refine_grasp,
+    ApproachFrom, GraspCandidate, GraspConfig, GraspScene, PlacementConfig, find_placements, plan_grasps,
 };
 use dsm_robot::joints::{JointPositions, JointVelocities};
 use dsm_robot::model::collision::Obstacle;
 use dsm_robot::model::{Configuration, RobotModel};
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
 use nalgebra::{Point2, Point3, Translation3};
-use std::sync::Arc;
 
 /// Parameters of the grasp skill.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,6 +63,11 @@ impl Default for GraspSettings {
 pub(super) const UNFOLD: &str = "carry_to_ready_down";
 const READY: [&str; 2] = ["ready_down", "ready_front"];
 
+/// How often the fingers go in from one place.
+const MAX_ENTRIES: usize = 2;
+/// Fingers that go in and come no nearer for so long stand on something.
+const TOUCHED_AFTER: Span = Span(300_000_000);
+
 /// Why a grasp is not even tried.
 const NO_PLACE: &str = "no place from which the object can be reached";
 
@@ -99,7 +104,7 @@ pub fn grasp(agent: &mut Agent, nav: &NavConfig, settings: &GraspSettings, id: O
     Ok(Outcome::Failed(last.0, format!("{} attempts; the last: {}", settings.max_attempts, last.1)))
 }
 
-type Attempt = Result<String, (Stage, String)>;
+pub(super) type Attempt = Result<String, (Stage, String)>;
 
 fn try_grasp(
     agent: &mut Agent,
@@ -156,33 +161,61 @@ fn try_grasp(
         touching: &[],
         speed_m_per_s: settings.free_speed_m_per_s,
         posture: Some(&reach.joints),
+        give_up_after: STUCK_AFTER,
     };
     agent.log(format!("to the pregrasp of {:?} (score {:.2})", reach.grasp.approach, reach.grasp.score));
     if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &free)? {
         return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the pregrasp"))));
     }
     // Look with the wrist camera, then go in. All in the base frame: the base stands, and localisation may wander.
-    let grasp = match look_with_wrist(agent, settings, &reach.grasp, &world_from_base, support_z_m)? {
-        Ok(grasp) => grasp,
-        Err(failure) => return Ok(Err(failure)),
-    };
-    let base_from_grasp = base_from_world * grasp.world_from_tool;
+    let mut grasp =
+        match center_with_wrist(agent, settings, &reach.grasp, &reach.joints, &world_from_base, support_z_m)? {
+            Ok(grasp) => grasp,
+            Err(failure) => return Ok(Err(failure)),
+        };
     let fingers = finger_links(agent.model());
-    let goals = [base_from_world * grasp.world_from_pregrasp(&settings.planner), base_from_grasp];
-    for goal in goals {
-        let slow = ToolMove {
-            goal,
-            obstacles: &obstacles,
+    for entry in 0..MAX_ENTRIES {
+        agent.grip(grasp.opening_m, 10.0);
+        let goals = [grasp.world_from_pregrasp(&settings.planner), grasp.world_from_tool];
+        let mut stuck = None;
+        for goal in goals {
+            let slow = ToolMove {
+                goal: base_from_world * goal,
+                obstacles: &obstacles,
+                touching: &fingers,
+                speed_m_per_s: settings.approach_speed_m_per_s,
+                posture: Some(&reach.joints),
+                give_up_after: TOUCHED_AFTER,
+            };
+            if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &slow)?
+                && (error_m > 0.012 || error_rad > 0.15)
+            {
+                stuck = Some((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the grasp")));
+                break;
+            }
+        }
+        let Some(failure) = stuck else { break };
+        if entry + 1 == MAX_ENTRIES {
+            return Ok(Err(failure));
+        }
+        // The fingers stand on something: up again, wider, and another look.
+        agent.note(failure.1);
+        agent.grip(settings.planner.hand.max_aperture_m, 10.0);
+        let up = ToolMove {
+            goal: base_from_world * grasp.world_from_pregrasp(&settings.planner),
+            obstacles: &[],
             touching: &fingers,
             speed_m_per_s: settings.approach_speed_m_per_s,
             posture: Some(&reach.joints),
+            give_up_after: STUCK_AFTER,
         };
-        if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &slow)?
-            && (error_m > 0.012 || error_rad > 0.15)
-        {
-            return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the grasp"))));
-        }
+        move_tool(agent, &up)?;
+        grasp = match center_with_wrist(agent, settings, &grasp, &reach.joints, &world_from_base, support_z_m)? {
+            Ok(grasp) => GraspCandidate { opening_m: settings.planner.hand.max_aperture_m, ..grasp },
+            Err(failure) => return Ok(Err(failure)),
+        };
     }
+    let base_from_grasp = base_from_world * grasp.world_from_tool;
     // Close and lift.
     let width_m = close(agent, settings)?;
     if width_m < settings.min_width_m {
@@ -195,36 +228,10 @@ fn try_grasp(
         touching: &fingers,
         speed_m_per_s: settings.approach_speed_m_per_s,
         posture: Some(&reach.joints),
+        give_up_after: STUCK_AFTER,
     };
     let lifted = move_tool(agent, &up)?;
     verify(agent, settings, &before, lifted)
-}
-
-/// Verified twice: by the width between the fingers, and by looking at where the object was.
-fn verify(
-    agent: &mut Agent,
-    settings: &GraspSettings,
-    before: &[Point3<f64>],
-    lifted: ArmOutcome,
-) -> Result<Attempt, Halt> {
-    agent.rest(Span::from_s(0.8))?;
-    let width_m = agent.grip_state()?.width_m;
-    let now_s = agent.now().as_s();
-    let picture = agent.find_frame("head").map(|seen| seen.frame.clone());
-    agent.journal.note(now_s, format!("lifted; {:.0} mm between the fingers", 1e3 * width_m), picture.as_ref());
-    if width_m < settings.min_width_m {
-        return Ok(Err((Stage::Hold, "the object slipped out of the fingers".into())));
-    }
-    if let ArmOutcome::Stuck { error_m, .. } = lifted
-        && error_m > 0.5 * settings.planner.lift_m
-    {
-        return Ok(Err((Stage::Hold, format!("the lift ended {error_m:.2} m too low"))));
-    }
-    let still_there = share_still_there(agent, before);
-    if still_there > 0.5 {
-        return Ok(Err((Stage::Grasp, format!("{:.0} % of the object is seen where it was", 100.0 * still_there))));
-    }
-    Ok(Ok(format!("lifted; {:.0} mm between the fingers", 1e3 * width_m)))
 }
 
 fn obstacles_now(agent: &mut Agent, id: ObjectId) -> Result<Vec<Obstacle>, Halt> {
@@ -322,90 +329,6 @@ fn choose_grasp(agent: &mut Agent, settings: &GraspSettings, id: ObjectId) -> Re
     })
 }
 
-/// Re-centres the grasp on what the wrist camera sees. `world_from_base` fixes the world of the grasp to the base.
-fn look_with_wrist(
-    agent: &mut Agent,
-    settings: &GraspSettings,
-    grasp: &GraspCandidate,
-    world_from_base: &Pose,
-    support_z_m: f64,
-) -> Result<Result<GraspCandidate, (Stage, String)>, Halt> {
-    agent.watched.push("wrist".into());
-    agent.rest(Span::from_s(0.7))?;
-    agent.watched.retain(|camera| camera != "wrist");
-    let Some(seen) = agent.find_frame("wrist").cloned() else {
-        return Ok(Err((Stage::Mapping, "the wrist camera gives no frame".into())));
-    };
-    let base_from_camera = seen.world_from_base.inverse() * seen.frame.world_from_camera;
-    let world_from_camera = world_from_base * base_from_camera;
-    let around = Point3::from(grasp.world_from_tool.translation.vector);
-    let points: Vec<Point3<f64>> = (0..seen.frame.depth_m.len())
-        .step_by(2)
-        .filter_map(|pixel| Some(world_from_camera * seen.frame.find_point_in_camera(pixel)?))
-        .filter(|p| (p - around).norm() < 0.25)
-        .collect();
-    let now_s = agent.now().as_s();
-    let refinement = refine_grasp(grasp, &points, support_z_m, &settings.planner);
-    let (said, result) = match refinement {
-        Refinement::Refined { grasp, shift_m } => (format!("moves the grasp by {:.0} mm", 1e3 * shift_m), Ok(grasp)),
-        Refinement::NotSeen => {
-            ("does not see the object".into(), Err((Stage::Grasp, "the wrist camera does not see the object".into())))
-        }
-        Refinement::Moved { shift_m } => (
-            "finds it elsewhere".to_owned(),
-            Err((Stage::Grasp, format!("the object is {:.0} mm from where it was", 1e3 * shift_m))),
-        ),
-        Refinement::TooWide { width_m } => {
-            ("finds it too wide".to_owned(), Err((Stage::Grasp, format!("the object is {:.0} mm wide", 1e3 * width_m))))
-        }
-    };
-    agent.journal.note(now_s, format!("the wrist camera {said}"), Some(&seen.frame));
-    Ok(result)
-}
-
-/// Closes the fingers until they stop; the width between them.
-fn close(agent: &mut Agent, settings: &GraspSettings) -> Result<f64, Halt> {
-    const LONGEST: Span = Span(3_000_000_000);
-    const STILL_FOR: Span = Span(300_000_000);
-    agent.grip(0.0, settings.grip_force_n);
-    let still = JointVelocities::zeros(&agent.model().arm.joints);
-    let begin = agent.now();
-    let mut moved_at = begin;
-    while agent.now() - begin < LONGEST {
-        agent.tick(Twist::default(), &still)?;
-        let now = agent.now();
-        if agent.grip_state()?.moving || now - begin < STILL_FOR {
-            moved_at = now;
-        }
-        if now - moved_at >= STILL_FOR {
-            break;
-        }
-    }
-    Ok(agent.grip_state()?.width_m)
-}
-
-/// The share of the object's points, as they were before the grasp, that the newest head frame still sees there.
-fn share_still_there(agent: &Agent, before: &[Point3<f64>]) -> f64 {
-    const SAME_M: f64 = 0.025;
-    let Some(seen) = agent.find_frame("head") else { return 0.0 };
-    let frame: &Arc<dsm::frame::RgbdFrame> = &seen.frame;
-    let camera_from_world = frame.world_from_camera.inverse();
-    let (mut there, mut visible) = (0_usize, 0_usize);
-    for point in before {
-        let p = camera_from_world * point;
-        let Some((column, row)) = frame.model.find_pixel(&p) else { continue };
-        let depth_m = f64::from(frame.depth_m[(row * frame.model.width + column) as usize]);
-        // Something nearer hides the place: that says nothing.
-        if depth_m <= 0.0 || depth_m < p.z - SAME_M {
-            continue;
-        }
-        visible += 1;
-        there += usize::from(depth_m < p.z + SAME_M);
-    }
-    // With almost nothing in view the width alone decides.
-    if visible < 20 { 0.0 } else { there as f64 / visible as f64 }
-}
-
 /// Opens the hand, backs off with arm and base, and folds the arm, best effort.
 pub(super) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
     const BACK_M: f64 = 0.45;
@@ -422,6 +345,7 @@ pub(super) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
         touching: &[],
         speed_m_per_s: 0.15,
         posture: None,
+        give_up_after: STUCK_AFTER,
     };
     move_tool(agent, &back)?;
     back_off(agent, BACK_M, SPEED_M_PER_S)?;

@@ -3,14 +3,17 @@
 
 pub mod approach;
 pub mod arm;
+mod carry;
 pub mod drive;
 pub mod explore;
 pub mod grasp;
+mod hold;
 pub mod navigate;
 pub mod obstacles;
 pub mod place;
 pub mod search;
 pub mod spots;
+mod wrist;
 
 use crate::summary::Stage;
 

@@ -2,9 +2,10 @@
 
 use super::Outcome;
 use super::approach::{Approach, find_approaches};
-use super::arm::{ArmOutcome, ToolMove, fold, move_through, move_tool};
+use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_through, move_tool};
+use super::carry::find_carry;
 use super::drive::{Drive, DriveOutcome};
-use super::grasp::{GraspSettings, UNFOLD, back_off, finger_links, retreat, seeds};
+use super::grasp::{GraspSettings, back_off, finger_links, retreat, seeds};
 use super::obstacles::find_obstacles;
 use super::spots::{Load, Spot, find_spots};
 use crate::agent::{Agent, Gaze, Halt};
@@ -82,11 +83,11 @@ impl Standing {
         let width_m = agent.grip_state()?.width_m;
         let tool = base_from_tool.translation.vector;
         let middle = Point3::new(tool.x, tool.y, tool.z - tool_above_bottom_m + 0.5 * height_m);
-        agent.held = Some(OrientedBox {
+        agent.hold(Some(OrientedBox {
             center: base_from_tool.inverse_transform_point(&middle),
-            size: Vector3::new(2.0 * radius_m + 0.05, 2.0 * radius_m + 0.05, height_m + 0.05),
+            size: Vector3::new(2.0 * radius_m, 2.0 * radius_m, height_m),
             rotation: base_from_tool.rotation.inverse(),
-        });
+        }));
         let load = Load { radius_m, height_m };
         Ok(Held { id: self.id, load, tool_above_bottom_m, base_from_tool: base_from_tool.rotation, width_m })
     }
@@ -98,9 +99,14 @@ pub fn carry(agent: &mut Agent, held: &Held, settings: &GraspSettings) -> Result
     back_off(agent, BACK_M, BACK_SPEED_M_PER_S)?;
     let world_from_base = agent.world_from_base()?;
     let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
-    let folded = fold(agent, UNFOLD, &obstacles)?;
+    let (model, configuration) = (agent.model().clone(), agent.configuration()?);
+    let postures = agent.plan(move || find_carry(&model, &configuration))?;
+    let Some(postures) = postures else {
+        return Ok(Outcome::Failed(Stage::Reach, "the arm has no way to carry this object".into()));
+    };
+    let folded = move_through(agent, &postures, &obstacles)?;
     if agent.grip_state()?.width_m < settings.min_width_m {
-        agent.held = None;
+        agent.hold(None);
         return Ok(Outcome::Failed(Stage::Hold, "the object slipped out of the fingers on the way".into()));
     }
     match folded {
@@ -109,6 +115,17 @@ pub fn carry(agent: &mut Agent, held: &Held, settings: &GraspSettings) -> Result
         }
         _ => Ok(Outcome::Done("carries the object".into())),
     }
+}
+
+/// Navigation with the footprint of the robot as it is folded around its load.
+pub fn carrying(agent: &mut Agent, nav: &NavConfig) -> Result<NavConfig, Halt> {
+    /// A footprint for which doors are wide enough.
+    const WIDEST_M: f64 = 0.34;
+    let configuration = agent.configuration()?;
+    let radius_m = agent.model().radius_m(&configuration);
+    let mut nav = nav.clone();
+    nav.costmap.footprint_radius_m = nav.costmap.footprint_radius_m.max(radius_m.min(WIDEST_M));
+    Ok(nav)
 }
 
 /// Puts what is held on an object of the map. The arm is folded.
@@ -126,7 +143,7 @@ pub fn place(
             Err((stage, reason)) => {
                 agent.note(format!("place attempt {attempt} failed ({stage:?}): {reason}"));
                 last = (stage, reason);
-                if agent.held.is_none() {
+                if agent.held().is_none() {
                     break;
                 }
                 if let Outcome::Failed(stage, reason) = carry(agent, held, settings)? {
@@ -188,7 +205,14 @@ fn try_place(
     let above = Translation3::new(0.0, 0.0, ABOVE_M) * base_from_tool;
     let ways = [(above, settings.free_speed_m_per_s, 0.04), (base_from_tool, settings.approach_speed_m_per_s, 0.02)];
     for (goal, speed_m_per_s, tolerance_m) in ways {
-        let way = ToolMove { goal, obstacles: &obstacles, touching: &fingers, speed_m_per_s, posture: Some(&joints) };
+        let way = ToolMove {
+            goal,
+            obstacles: &obstacles,
+            touching: &fingers,
+            speed_m_per_s,
+            posture: Some(&joints),
+            give_up_after: STUCK_AFTER,
+        };
         if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &way)?
             && (error_m > tolerance_m || error_rad > 0.2)
         {
@@ -196,7 +220,7 @@ fn try_place(
         }
     }
     if agent.grip_state()?.width_m < settings.min_width_m {
-        agent.held = None;
+        agent.hold(None);
         return Ok(Err((Stage::Hold, "the object slipped out of the fingers on the way".into())));
     }
     let opening_m =
@@ -210,9 +234,10 @@ fn try_place(
         touching: &fingers,
         speed_m_per_s: settings.approach_speed_m_per_s,
         posture: None,
+        give_up_after: STUCK_AFTER,
     };
     move_tool(agent, &back)?;
-    agent.held = None;
+    agent.hold(None);
     retreat(agent)?;
     // Verify by looking.
     agent.gaze = Gaze::Point(spot.point + Vector3::new(0.0, 0.0, 0.5 * held.load.height_m));
@@ -245,7 +270,7 @@ fn obstacles_but_held(agent: &mut Agent, world_from_base: &Pose, held: &Held) ->
     let model = agent.model().clone();
     let configuration = agent.configuration()?;
     let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
-    let hold = agent.held;
+    let hold = agent.held().copied();
     let mut obstacles = find_obstacles(agent.map(), world_from_base, Some(held.id));
     obstacles.retain(|obstacle| match obstacle {
         Obstacle::Ball { center_in_base, .. } => {

@@ -2,7 +2,7 @@
 //! never enters cells that the plan avoids, does not swing at the goal, and says when it is blocked or lost.
 use super::*;
 use crate::nav::sight::tests::room_grid;
-use crate::nav::{CostmapConfig, find_path};
+use crate::nav::{CostmapConfig, SpeedLimits, find_path};
 use rand::{RngExt, SeedableRng};
 
 const DT_S: f64 = 0.01;
@@ -62,7 +62,7 @@ fn arrives_from_random_starts() {
         let (mut ticks, mut driven, mut last) = (0, 0.0, Twist::default());
         let mut turns_changed = 0;
         loop {
-            let out = follower.tick(&base.pose.to_pose(), base.twist, &costmap, DT_S);
+            let out = follower.tick(&base.pose.to_pose(), base.twist, &costmap, &SpeedLimits::NONE, DT_S);
             let slack = 1.0 + 1e-9;
             assert!(out.twist.forward_m_per_s.abs() <= config.max_speed_m_per_s * slack);
             assert!(out.twist.turn_rad_per_s.abs() <= config.max_turn_rad_per_s * slack);
@@ -110,7 +110,7 @@ fn says_when_blocked_or_lost() {
     let mut blocked_at = None;
     for tick in 0..600 {
         let costmap = if tick < 40 { &free } else { &closed };
-        let out = follower.tick(&base.pose.to_pose(), base.twist, costmap, DT_S);
+        let out = follower.tick(&base.pose.to_pose(), base.twist, costmap, &SpeedLimits::NONE, DT_S);
         if let FollowStatus::Blocked { reason: BlockReason::Obstacle { at } } = out.status {
             blocked_at = Some(at);
         }
@@ -123,13 +123,13 @@ fn says_when_blocked_or_lost() {
     let mut held = Follower::new(config.clone(), Path::from_points(vec![start, goal]));
     let pose = Pose2 { position: start, yaw_rad: 0.0 }.to_pose();
     let stalled = (0..300).any(|_| {
-        let out = held.tick(&pose, Twist::default(), &free, DT_S);
+        let out = held.tick(&pose, Twist::default(), &free, &SpeedLimits::NONE, DT_S);
         out.status == FollowStatus::Blocked { reason: BlockReason::Stalled }
     });
     assert!(stalled);
     // Pushed aside.
     let mut lost = Follower::new(config, Path::from_points(vec![start, goal]));
     let aside = Pose2 { position: Point2::new(1.5, 2.0), yaw_rad: 0.0 }.to_pose();
-    let out = lost.tick(&aside, Twist::default(), &free, DT_S);
+    let out = lost.tick(&aside, Twist::default(), &free, &SpeedLimits::NONE, DT_S);
     assert_eq!(out.status, FollowStatus::OffPath { distance_m: 1.0 });
 }

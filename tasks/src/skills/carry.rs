@@ -1,0 +1,123 @@
+//! How to fold the arm around what the hand holds: the posture that keeps the robot narrowest without the load touching it.
+
+use super::grasp::UNFOLD;
+use dsm_robot::joints::JointPositions;
+use dsm_robot::model::{Configuration, RobotModel};
+
+/// Distance between the robot's own parts, load included, in the posture and on the way to it, metres.
+const APART_M: f64 = 0.012;
+/// Samples of the way.
+const SAMPLES: usize = 12;
+/// How the folded posture is varied: offsets of each joint of the arm group in their order (lift first), metres and
+/// radians. Joints that are not listed keep the fold's value.
+const LIFT_M: [f64; 4] = [0.0, 0.12, 0.24, 0.34];
+const SHOULDER_RAD: [f64; 4] = [0.0, -0.25, -0.5, -0.8];
+const ELBOW_RAD: [f64; 4] = [0.0, -0.25, -0.5, -0.8];
+const WRIST_RAD: [f64; 6] = [0.0, -0.4, -0.8, -1.3, -1.9, 0.5];
+const ROLL_RAD: [f64; 3] = [0.0, 1.57, -1.57];
+/// Order of the joints in the arm group that are varied.
+const VARIED: [usize; 5] = [0, 2, 4, 6, 7];
+/// A deviation from the fold must make the robot narrower by this, metres per unit.
+const DEVIATION_COST_M: f64 = 0.01;
+
+/// The postures that lead from the unfolded arm to one that carries what `model` holds; `None` when every variant touches
+/// something. The first and second posture of the robot's unfolding path are the fold and the way out of it.
+pub(super) fn find_carry(model: &RobotModel, configuration: &Configuration) -> Option<Vec<JointPositions>> {
+    let path = model.settings.paths.get(UNFOLD)?;
+    let fold = model.find_posture(path.first()?)?;
+    let side = model.find_posture(path.get(1)?)?;
+    let outside = with(model, configuration, &side);
+    let folded = with(model, configuration, &fold);
+    let start = model.arm.values_of(&folded);
+    let mut variants: Vec<(f64, Configuration)> = Vec::new();
+    for lift in LIFT_M {
+        for shoulder in SHOULDER_RAD {
+            for elbow in ELBOW_RAD {
+                for wrist in WRIST_RAD {
+                    for roll in ROLL_RAD {
+                        let offsets = [lift, shoulder, elbow, wrist, roll];
+                        let Some(values) = varied(model, &start, &offsets) else { continue };
+                        let mut variant = folded.clone();
+                        variant.apply_group(&model.arm, &values);
+                        let deviation: f64 = offsets.iter().map(|offset| offset.abs()).sum();
+                        let cost = model.radius_m(&variant) + DEVIATION_COST_M * deviation;
+                        variants.push((cost, variant));
+                    }
+                }
+            }
+        }
+    }
+    variants.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let found =
+        variants.into_iter().find(|(_, variant)| is_free(model, variant) && is_way_free(model, &outside, variant))?;
+    let values = model.arm.values_of(&found.1);
+    let carry = JointPositions::from_values(&model.arm.joints, values)?;
+    Some(vec![side, carry])
+}
+
+fn varied(model: &RobotModel, start: &[f64], offsets: &[f64; 5]) -> Option<Vec<f64>> {
+    let mut values = start.to_vec();
+    for (joint, offset) in VARIED.iter().zip(offsets) {
+        let (value, limits) = (values.get_mut(*joint)?, model.arm.limits.get(*joint)?);
+        *value += offset;
+        if !(limits.lower..=limits.upper).contains(value) {
+            return None;
+        }
+    }
+    Some(values)
+}
+
+fn with(model: &RobotModel, from: &Configuration, posture: &JointPositions) -> Configuration {
+    let mut all = from.clone();
+    all.apply(posture);
+    let arm = model.arm.values_of(&all);
+    let mut only_arm = from.clone();
+    only_arm.apply_group(&model.arm, &arm);
+    only_arm
+}
+
+fn is_free(model: &RobotModel, configuration: &Configuration) -> bool {
+    let poses = model.kinematics.root_from_links(configuration);
+    model.collision.self_distances(&poses, APART_M).is_empty()
+}
+
+fn is_way_free(model: &RobotModel, from: &Configuration, to: &Configuration) -> bool {
+    let (a, b) = (model.arm.values_of(from), model.arm.values_of(to));
+    (1..SAMPLES).all(|i| {
+        let share = i as f64 / SAMPLES as f64;
+        let between: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a + (b - a) * share).collect();
+        let mut configuration = from.clone();
+        configuration.apply_group(&model.arm, &between);
+        is_free(model, &configuration)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: an empty hand folds as the robot's file says; with a load the fold keeps clear of it and the robot stays
+    //! narrow enough for a door.
+    use super::*;
+    use dsm::geometry::OrientedBox;
+    use nalgebra::{Point3, UnitQuaternion, Vector3};
+    use std::path::Path;
+
+    #[test]
+    fn folds_around_a_load() {
+        let model = RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter")).unwrap();
+        let ready = with(&model, &model.kinematics.zero(), &model.find_posture("ready_down").unwrap());
+        let empty = find_carry(&model, &ready).expect("an empty hand folds");
+        let fold = model.arm.values_of(&with(&model, &ready, &model.find_posture("carry").unwrap()));
+        assert!(empty[1].values().iter().zip(&fold).all(|(a, b)| (a - b).abs() < 1e-9));
+        for (size, sunk_m) in [(Vector3::new(0.1, 0.1, 0.1), 0.03), (Vector3::new(0.07, 0.07, 0.25), 0.08)] {
+            let held =
+                OrientedBox { center: Point3::new(0.0, 0.0, sunk_m), size, rotation: UnitQuaternion::identity() };
+            let holding = model.holding(&held);
+            let ready = holding.with_gripper_width(ready.clone(), size.y);
+            let carried = find_carry(&holding, &ready).expect("a load is carried");
+            let configuration = with(&holding, &ready, &carried[1]);
+            assert!(is_free(&holding, &configuration));
+            let radius_m = holding.radius_m(&configuration);
+            assert!(radius_m < 0.36, "{size:?}: {radius_m:.3} m");
+        }
+    }
+}
