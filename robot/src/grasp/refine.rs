@@ -40,6 +40,7 @@ pub fn refine_grasp(
 ) -> Refinement {
     const SUPPORT_NOISE_M: f64 = 0.010;
     const JOIN_M: f64 = 0.009;
+    const ALONG_SIGHT: f64 = 0.35;
     const MIN_POINTS: usize = 12;
     const SEARCH_M: f64 = 0.08;
     const MAX_SHIFT_M: f64 = 0.08;
@@ -54,7 +55,9 @@ pub fn refine_grasp(
         .collect();
     let near = thin(&near, 0.004);
     // The cluster whose middle lies nearest to where the pads will be.
-    let chosen = find_clusters(&near, JOIN_M)
+    // Sides that run along the line of sight are not seen: steps along it join what is one thing.
+    let flat: Vec<Point3<f64>> = near.iter().map(|p| Point3::new(p.x, p.y, ALONG_SIGHT * p.z)).collect();
+    let chosen = find_clusters(&flat, JOIN_M)
         .into_iter()
         .filter(|cluster| cluster.len() >= MIN_POINTS)
         .map(|cluster| cluster.into_iter().map(|i| near[i]).collect::<Vec<_>>())
@@ -126,7 +129,7 @@ fn fit(members: &[Point3<f64>], turn_rad: f64, config: &GraspConfig) -> Option<F
     let (sin, cos) = turn_rad.sin_cos();
     let turned: Vec<Point3<f64>> =
         members.iter().map(|p| Point3::new(cos * p.x + sin * p.y, cos * p.y - sin * p.x, p.z)).collect();
-    let range = |values: Vec<f64>| Some((quantile(values.iter().copied(), 0.03)?, quantile(values, 0.97)?));
+    let range = |values: Vec<f64>| Some((quantile(values.iter().copied(), 0.015)?, quantile(values, 0.985)?));
     let half_slab = 0.5 * config.hand.finger_width_m + 0.005;
     let (x_low, x_high) = range(turned.iter().map(|p| p.x).collect())?;
     let middle_x_m = 0.5 * (x_low + x_high);

@@ -166,6 +166,14 @@ pub struct CameraSettings {
     /// Frames per second; [0.1, 120].
     #[schemars(range(min = 0.1, max = 120.0))]
     pub rate_hz: f64,
+    /// Nearest depth that the camera measures in metres; [0, 2], default 0.2.
+    #[serde(default = "default_nearest_m")]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub nearest_m: f64,
+}
+
+fn default_nearest_m() -> f64 {
+    0.2
 }
 
 /// `[collision]`: self-collision.

@@ -6,7 +6,7 @@ use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_through, move_too
 use super::drive::{Drive, DriveOutcome};
 use super::hold::{close, verify};
 use super::obstacles::find_obstacles;
-use super::wrist::center_with_wrist;
+use super::wrist::{center_with_wrist, look_back_m, look_pose};
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
@@ -154,17 +154,29 @@ fn try_grasp(
     let base_from_world = world_from_base.inverse();
     agent.grip(reach.grasp.opening_m, 10.0);
     let obstacles = obstacles_now(agent, id)?;
-    let pregrasp = base_from_world * reach.grasp.world_from_pregrasp(&settings.planner);
+    let back_m = look_back_m(agent.model(), &reach.grasp, settings);
     let free = ToolMove {
-        goal: pregrasp,
+        goal: base_from_world * look_pose(&reach.grasp, settings, back_m),
         obstacles: &obstacles,
         touching: &[],
         speed_m_per_s: settings.free_speed_m_per_s,
         posture: Some(&reach.joints),
         give_up_after: STUCK_AFTER,
     };
-    agent.log(format!("to the pregrasp of {:?} (score {:.2})", reach.grasp.approach, reach.grasp.score));
-    if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &free)? {
+    let at = reach.grasp.world_from_tool.translation;
+    agent.log(format!(
+        "to the pregrasp of {:?} (score {:.2}) at ({:.3}, {:.3}, {:.3}), {:.0} mm wide, support at {support_z_m:.3}",
+        reach.grasp.approach,
+        reach.grasp.score,
+        at.x,
+        at.y,
+        at.z,
+        1e3 * reach.grasp.width_m
+    ));
+    // The place to look from lies behind the pregrasp, for which the reach was checked: near it is good enough.
+    if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &free)?
+        && (error_m > back_m || error_rad > 0.2)
+    {
         return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the pregrasp"))));
     }
     // Look with the wrist camera, then go in. All in the base frame: the base stands, and localisation may wander.

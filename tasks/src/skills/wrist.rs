@@ -8,6 +8,7 @@ use dsm::Pose;
 use dsm::time::Span;
 use dsm_robot::grasp::{GraspCandidate, Refinement, refine_grasp};
 use dsm_robot::joints::JointPositions;
+use dsm_robot::model::RobotModel;
 use nalgebra::{Point3, Translation3};
 
 /// Looks with the wrist camera, moves the hand over what it sees, and looks again until the hand stands right: a look from
@@ -28,6 +29,7 @@ pub(super) fn center_with_wrist(
     let base_from_world = world_from_base.inverse();
     let mut grasp = chosen.clone();
     let mut last = (Stage::Grasp, String::new());
+    let near_m = look_back_m(agent.model(), &grasp, settings);
     for look in 0..MAX_LOOKS {
         let back_m = match look_with_wrist(agent, settings, &grasp, world_from_base, support_z_m)? {
             Ok((refined, shift_m)) => {
@@ -43,9 +45,7 @@ pub(super) fn center_with_wrist(
             }
         };
         let over = ToolMove {
-            goal: base_from_world
-                * grasp.world_from_pregrasp(&settings.planner)
-                * Translation3::new(0.0, 0.0, -back_m * look.min(1) as f64 - back_m),
+            goal: base_from_world * look_pose(&grasp, settings, near_m + back_m),
             obstacles: &[],
             touching: &[],
             speed_m_per_s: settings.approach_speed_m_per_s,
@@ -54,12 +54,29 @@ pub(super) fn center_with_wrist(
         };
         if let ArmOutcome::Stuck { error_m, .. } = move_tool(agent, &over)?
             && back_m == 0.0
-            && error_m > 0.03
+            && error_m > near_m + 0.03
         {
             return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m before the place over the object"))));
         }
     }
     Ok(Err(last))
+}
+
+/// How far behind the pregrasp the hand must stand for its camera to measure the object, metres.
+pub(super) fn look_back_m(model: &RobotModel, grasp: &GraspCandidate, settings: &GraspSettings) -> f64 {
+    /// Distance beyond the nearest that the camera measures, metres.
+    const SPARE_M: f64 = 0.04;
+    let Some((camera, link)) = model.find_camera("wrist") else { return 0.0 };
+    let zero = model.kinematics.zero();
+    let root_from = |link| model.kinematics.root_from_link(&zero, link);
+    let camera_in_tool = root_from(model.tool).inverse() * root_from(link);
+    let behind_m = settings.planner.pregrasp_m - camera_in_tool.translation.z - grasp.front_m;
+    (camera.nearest_m + SPARE_M - behind_m).max(0.0)
+}
+
+/// Where the tool stands for a look at the object, `back_m` behind the pregrasp.
+pub(super) fn look_pose(grasp: &GraspCandidate, settings: &GraspSettings, back_m: f64) -> Pose {
+    grasp.world_from_pregrasp(&settings.planner) * Translation3::new(0.0, 0.0, -back_m)
 }
 
 /// Re-centres the grasp on what the wrist camera sees, and says how far it moved. `world_from_base` fixes the world of the
