@@ -13,12 +13,14 @@ const BIN_M: f64 = 0.01;
 const BAND_M: f64 = 0.02;
 /// A level holds at least this share of the cells of the best one.
 const LEVEL_SHARE: f64 = 0.35;
-/// Support beyond the object's own radius, metres: more than the one cell by which support is widened.
+/// Support beyond the object's own radius, metres.
 const EDGE_M: f64 = 0.04;
 /// Room for the fingers beyond the object's own radius, metres.
 const ROOM_M: f64 = 0.05;
 /// Height of the hand above an object that is put down, metres.
 const HAND_M: f64 = 0.12;
+/// Things that rise less above the surface are its own noise, metres.
+const FLAT_M: f64 = 0.012;
 /// More clearance than this is no better, metres.
 const ENOUGH_M: f64 = 0.16;
 
@@ -48,12 +50,11 @@ pub fn find_spots(map: &Map, surface: ObjectId, held: Option<ObjectId>, load: &L
     let points: Vec<Point3<f64>> = object.points.iter().map(|p| p.position.cast()).collect();
     let around = object.bounds.aabb().grown(0.3);
     let others = map.objects.values().filter(|o| Some(o.id) != held && o.id != surface);
-    let mut obstacles: Vec<Point3<f64>> = others.flat_map(|o| o.points.iter().map(|p| p.position.cast())).collect();
-    obstacles
+    let mut things: Vec<Point3<f64>> = others.flat_map(|o| o.points.iter().map(|p| p.position.cast())).collect();
+    things
         .retain(|p: &Point3<f64>| p.x > around.min.x && p.x < around.max.x && p.y > around.min.y && p.y < around.max.y);
-    obstacles.extend(&points);
     let mut spots: Vec<Spot> =
-        find_levels(&points).into_iter().flat_map(|z_m| find_on_level(&points, &obstacles, z_m, load)).collect();
+        find_levels(&points).into_iter().flat_map(|z_m| find_on_level(&points, &things, z_m, load)).collect();
     spots.sort_by(|a, b| b.clearance_m.total_cmp(&a.clearance_m));
     spots
 }
@@ -89,16 +90,15 @@ fn find_levels(points: &[Point3<f64>]) -> Vec<f64> {
         .collect()
 }
 
-fn find_on_level(points: &[Point3<f64>], obstacles: &[Point3<f64>], z_m: f64, load: &Load) -> Vec<Spot> {
-    let mut supported: BTreeSet<Cell> = BTreeSet::new();
-    for point in points.iter().filter(|p| (p.z - z_m).abs() <= BAND_M) {
-        let [x, y] = cell_of(point);
-        // Clouds are thinner than the cells here and there: a point speaks for the cells beside its own.
-        supported.extend([[x, y], [x + 1, y], [x - 1, y], [x, y + 1], [x, y - 1]]);
-    }
+/// Spots on one level of a surface with these `points`; `things` are the points of all else.
+fn find_on_level(points: &[Point3<f64>], things: &[Point3<f64>], z_m: f64, load: &Load) -> Vec<Spot> {
+    let level: Vec<Point3<f64>> = points.iter().filter(|p| (p.z - z_m).abs() <= BAND_M).copied().collect();
+    let supported = closed(level.iter().map(cell_of).collect(), (spacing_m(&level) / CELL_M).ceil() as i32);
     let top_m = z_m + load.height_m + HAND_M;
-    let blocked: BTreeSet<Cell> =
-        obstacles.iter().filter(|p| p.z > z_m + BAND_M + 0.01 && p.z < top_m).map(cell_of).collect();
+    // A surface's own points are noisy in height; what lies flat on it is a thing of its own.
+    let own = points.iter().filter(|p| p.z > z_m + BAND_M + 0.01 && p.z < top_m);
+    let others = things.iter().filter(|p| p.z > z_m + FLAT_M && p.z < top_m);
+    let blocked: BTreeSet<Cell> = own.chain(others).map(cell_of).collect();
     let reach_m = load.radius_m + ENOUGH_M;
     let cells = (reach_m / CELL_M).ceil() as i32;
     let offsets: Vec<(Cell, f64)> = (-cells..=cells)
@@ -121,6 +121,30 @@ fn find_on_level(points: &[Point3<f64>], obstacles: &[Point3<f64>], z_m: f64, lo
         Some(Spot { point: Point3::new(center.x, center.y, z_m), clearance_m })
     };
     supported.iter().filter_map(spot_at).collect()
+}
+
+/// Median distance over the floor from a point to its nearest neighbour, at least a cell, metres: clouds of large things
+/// are thin.
+fn spacing_m(points: &[Point3<f64>]) -> f64 {
+    const SAMPLES: usize = 200;
+    let nearest = |p: &Point3<f64>| {
+        let others = points.iter().map(|q| (q.xy() - p.xy()).norm_squared()).filter(|squared| *squared > 1e-8);
+        others.fold(f64::INFINITY, f64::min).sqrt()
+    };
+    let mut nearest: Vec<f64> = points.iter().step_by(points.len() / SAMPLES + 1).map(nearest).collect();
+    nearest.sort_by(f64::total_cmp);
+    nearest.get(nearest.len() / 2).map_or(CELL_M, |spacing| spacing.clamp(CELL_M, 3.0 * CELL_M))
+}
+
+/// Cells with the gaps of up to twice `radius` cells between them filled; the outline stays.
+fn closed(cells: BTreeSet<Cell>, radius: i32) -> BTreeSet<Cell> {
+    let disc: Vec<Cell> = (-radius..=radius)
+        .flat_map(|y| (-radius..=radius).map(move |x| [x, y]))
+        .filter(|[x, y]| x * x + y * y <= radius * radius)
+        .collect();
+    let around = |[x, y]: Cell| disc.iter().map(move |[dx, dy]| [x + dx, y + dy]);
+    let grown: BTreeSet<Cell> = cells.iter().flat_map(|cell| around(*cell)).collect();
+    grown.iter().filter(|cell| around(**cell).all(|other| grown.contains(&other))).copied().collect()
 }
 
 #[cfg(test)]
@@ -148,6 +172,21 @@ mod tests {
         }
         let full: Vec<Point3<f64>> = board(0.75);
         assert!(find_on_level(&points, &full, 0.7, &load).is_empty());
+    }
+
+    #[test]
+    fn a_thin_cloud_supports_and_a_flat_thing_blocks() {
+        let step = |i: i32| f64::from(i) * 0.045;
+        let points: Vec<_> = (0..=20).flat_map(|x| (0..=12).map(move |y| Point3::new(step(x), step(y), 0.7))).collect();
+        let load = Load { radius_m: 0.045, height_m: 0.1 };
+        let spots = find_on_level(&points, &[], 0.7, &load);
+        assert!(spots.len() > 100, "{}", spots.len());
+        assert!(spots.iter().all(|s| s.point.x > 0.05 && s.point.x < 0.85), "the edges hold");
+        let book: Vec<_> = (0..10)
+            .flat_map(|x| (0..8).map(move |y| Point3::new(0.3 + 0.02 * f64::from(x), 0.2 + 0.02 * f64::from(y), 0.722)))
+            .collect();
+        let beside = find_on_level(&points, &book, 0.7, &load);
+        assert!(beside.iter().all(|s| !(0.28..0.5).contains(&s.point.x) || !(0.18..0.36).contains(&s.point.y)));
     }
 
     #[test]
