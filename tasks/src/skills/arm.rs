@@ -14,6 +14,8 @@ use dsm_robot::model::collision::Obstacle;
 pub const STUCK_AFTER: Span = Span(800_000_000);
 /// Greatest joint error at the end of a path that still counts as its end, radians or metres.
 const NEAR_ENOUGH_RAD: f64 = 0.4;
+/// Greatest joint error with which a posture on the way counts as passed, radians or metres.
+const PASSED_RAD: f64 = 0.12;
 /// Improvement that counts for a joint motion, radians or metres.
 const JOINT_PROGRESS: f64 = 0.03;
 /// Improvement that counts for a motion of the tool, metres.
@@ -87,8 +89,10 @@ pub fn move_through(
     for (i, goal) in postures.iter().enumerate() {
         match move_joints(agent, goal, obstacles)? {
             ArmOutcome::Reached => {}
-            // Near the last posture is as good as at it: it is only where the next motion begins.
+            // Near the last posture is as good as at it: it is only where the next motion begins. So is just before one
+            // on the way, where the robot or its load keeps a little more distance than the posture.
             ArmOutcome::Stuck { error_m, .. } if i + 1 == postures.len() && error_m < NEAR_ENOUGH_RAD => {}
+            ArmOutcome::Stuck { error_m, .. } if error_m < PASSED_RAD => {}
             stuck => return Ok(stuck),
         }
     }

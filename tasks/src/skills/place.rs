@@ -202,13 +202,19 @@ fn try_place(
     let world_from_base = agent.world_from_base()?;
     let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
     let fingers = finger_links(agent.model());
+    // The load stands in the tool's frame, and is to touch the surface.
+    let mut lowering = fingers.clone();
+    lowering.push(agent.model().tool);
     let above = Translation3::new(0.0, 0.0, ABOVE_M) * base_from_tool;
-    let ways = [(above, settings.free_speed_m_per_s, 0.04), (base_from_tool, settings.approach_speed_m_per_s, 0.02)];
-    for (goal, speed_m_per_s, tolerance_m) in ways {
+    let ways = [
+        (above, &fingers, settings.free_speed_m_per_s, 0.04),
+        (base_from_tool, &lowering, settings.approach_speed_m_per_s, 0.02),
+    ];
+    for (goal, touching, speed_m_per_s, tolerance_m) in ways {
         let way = ToolMove {
             goal,
             obstacles: &obstacles,
-            touching: &fingers,
+            touching,
             speed_m_per_s,
             posture: Some(&joints),
             give_up_after: STUCK_AFTER,
@@ -231,7 +237,7 @@ fn try_place(
     let back = ToolMove {
         goal: base_from_tool * Translation3::new(0.0, 0.0, -ABOVE_M),
         obstacles: &[],
-        touching: &fingers,
+        touching: &lowering,
         speed_m_per_s: settings.approach_speed_m_per_s,
         posture: None,
         give_up_after: STUCK_AFTER,
