@@ -169,8 +169,9 @@ impl Prepared {
         // Each part takes about as many triangles.
         let visible = &self.visible;
         let first_of = |part: usize| visible.partition_point(|v| v.triangles_before * PARTS < part * triangles);
-        let shares: [Range<usize>; PARTS] =
-            std::array::from_fn(|part| if part + 1 < PARTS { first_of(part)..first_of(part + 1) } else { first_of(part)..visible.len() });
+        let shares: [Range<usize>; PARTS] = std::array::from_fn(|part| {
+            if part + 1 < PARTS { first_of(part)..first_of(part + 1) } else { first_of(part)..visible.len() }
+        });
         self.parts.par_iter_mut().zip(shares).for_each(|(part, share)| {
             part.clear(bands);
             for visible in &visible[share] {

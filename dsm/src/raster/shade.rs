@@ -106,12 +106,8 @@ impl<'a> Shader<'a> {
     #[inline(always)]
     pub(super) fn shade(&self, band: &Band, color: &mut [[u8; 3]], depth_m: &mut [f32], labels: &mut [u32]) {
         let width = band.width as usize;
-        let mut piece = Piece {
-            surfaces: Surfaces::new(),
-            second: [0.0; PIECE],
-            third: [0.0; PIECE],
-            textured: Textured::new(),
-        };
+        let mut piece =
+            Piece { surfaces: Surfaces::new(), second: [0.0; PIECE], third: [0.0; PIECE], textured: Textured::new() };
         for row in band.first_row..band.end_row {
             let line = (row - band.first_row) as usize * width;
             for first in (0..width).step_by(PIECE) {
@@ -270,7 +266,14 @@ fn gather_run<'a>(
 impl<'a> Textured<'a> {
     fn new() -> Self {
         let lane = [0.0; PIECE];
-        Self { u: lane, v: lane, width: [1.0; PIECE], height: [1.0; PIECE], runs: [const { (0..0, None) }; PIECE], count: 0 }
+        Self {
+            u: lane,
+            v: lane,
+            width: [1.0; PIECE],
+            height: [1.0; PIECE],
+            runs: [const { (0..0, None) }; PIECE],
+            count: 0,
+        }
     }
 
     /// Notes a run whose texture coordinates are known.

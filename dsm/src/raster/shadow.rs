@@ -215,7 +215,10 @@ impl ShadowMap {
         // Inside the last texels: beyond them there is light.
         let limits = [self.width - 1, self.height - 1];
         let span = |middle: f32, limit: usize| {
-            [(middle - reach).clamp(1.0, limit as f32) as usize, (middle + reach + 1.0).clamp(1.0, limit as f32) as usize]
+            [
+                (middle - reach).clamp(1.0, limit as f32) as usize,
+                (middle + reach + 1.0).clamp(1.0, limit as f32) as usize,
+            ]
         };
         let covered = Covered { columns: span(middle.x, limits[0]), rows: span(middle.y, limits[1]) };
         if covered.columns[0] >= covered.columns[1] || covered.rows[0] >= covered.rows[1] {
