@@ -1,4 +1,5 @@
-//! Time of one image of 640 x 480 pixels: 60 bodies, 50 000 triangles.
+//! Time of one image of 640 x 480 pixels, colour, depth and labels: 60 bodies, 50 000 triangles, two lights, with the
+//! shadows of one of them and without.
 #![allow(missing_docs, reason = "the macros of criterion write undocumented functions")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -9,16 +10,20 @@ use dsm::raster::{Image, RenderOptions, Renderer};
 mod raster_room;
 
 fn bench(criterion: &mut Criterion) {
-    let scene = raster_room::room(72);
+    let plain = raster_room::room(78);
+    let mut shaded = plain.clone();
+    shaded.cast_shadows(0);
     let camera = CameraModel::from_vertical_fov(640, 480, 1.0);
     let (options, pose) = (RenderOptions::default(), raster_room::view());
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can start");
         let (mut renderer, mut image) = (Renderer::default(), Image::default());
-        let name = format!("room_{}_triangles_{threads}_threads", scene.triangle_count());
-        criterion.bench_function(&name, |bencher| {
-            bencher.iter(|| pool.install(|| renderer.render_into(&scene, &camera, &pose, &options, &mut image)));
-        });
+        for (kind, scene) in [("plain", &plain), ("shadows", &shaded)] {
+            let name = format!("room_{}_triangles_{kind}_{threads}_threads", scene.triangle_count());
+            criterion.bench_function(&name, |bencher| {
+                bencher.iter(|| pool.install(|| renderer.render_into(scene, &camera, &pose, &options, &mut image)));
+            });
+        }
     }
 }
 

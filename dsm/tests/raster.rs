@@ -3,7 +3,7 @@
 
 use dsm::Pose;
 use dsm::camera::CameraModel;
-use dsm::raster::{Image, Instance, Material, Mesh, RenderOptions, Renderer, Scene, Splats, look_at, render};
+use dsm::raster::{Image, Instance, Light, Material, Mesh, RenderOptions, Renderer, Scene, Splats, look_at, render};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 mod raster_room;
@@ -17,7 +17,7 @@ fn one(mesh: Mesh, world_from_mesh: Pose, label: u32) -> Scene {
     scene.ambient = [0.5; 3];
     let mesh = scene.add_mesh(mesh);
     let material = scene.add_material(Material::default());
-    scene.instances.push(Instance { mesh, material, world_from_mesh, label });
+    scene.instances.push(Instance { mesh, material, world_from_mesh, label, casts_shadow: true });
     scene
 }
 
@@ -128,7 +128,7 @@ fn neighbouring_triangles_leave_no_hole_and_no_pixel_twice() {
     let wall = scene.add_mesh(Mesh::cuboid(Vector3::new(9.0, 9.0, 0.1)));
     let material = scene.add_material(Material::default());
     let behind = Pose::translation(0.0, 0.0, 1.2);
-    scene.instances.push(Instance { mesh: wall, material, world_from_mesh: behind, label: 2 });
+    scene.instances.push(Instance { mesh: wall, material, world_from_mesh: behind, label: 2, casts_shadow: true });
     let image = render(&scene, &camera, &Pose::identity(), &RenderOptions::default());
     assert!(image.labels.iter().all(|&label| label == 1));
     assert!(image.depth_m.iter().all(|depth| (depth - 1.0).abs() < 1e-5));
@@ -146,7 +146,8 @@ fn of_two_surfaces_at_one_place_the_first_wins() {
 
 #[test]
 fn the_image_does_not_depend_on_threads_or_on_what_was_drawn_before() {
-    let scene = raster_room::room(16);
+    let mut scene = raster_room::room(16);
+    scene.cast_shadows(0);
     let options = RenderOptions::default();
     let images: Vec<Image> = [1, 4]
         .into_iter()
@@ -171,7 +172,7 @@ fn the_image_does_not_depend_on_threads_or_on_what_was_drawn_before() {
 fn light_falls_on_the_side_that_faces_it() {
     let mut scene = one(Mesh::sphere(0.5, 32), Pose::translation(0.0, 0.0, 2.0), 1);
     scene.ambient = [0.05; 3];
-    scene.lights.push(dsm::raster::Light::Directional { direction_in_world: Vector3::x(), color: [1.0; 3] });
+    scene.lights.push(Light::Directional { direction_in_world: Vector3::x(), color: [1.0; 3] });
     let image = render(&scene, &camera(), &Pose::identity(), &RenderOptions::default());
     let middle = 120 * 320;
     let (left, right) = (image.color[middle + 160 - 40], image.color[middle + 160 + 40]);
@@ -214,7 +215,7 @@ fn a_texture_stays_where_it_is_in_perspective() {
         ..Material::default()
     };
     let material = scene.add_material(look);
-    scene.instances.push(Instance { mesh, material, world_from_mesh: Pose::identity(), label: 1 });
+    scene.instances.push(Instance { mesh, material, world_from_mesh: Pose::identity(), label: 1, casts_shadow: true });
     let pose = look_at(&Point3::new(-4.0, 0.3, 1.2), &Point3::new(0.0, 0.5, 0.0));
     let camera = camera();
     let image = render(&scene, &camera, &pose, &RenderOptions::default());
@@ -231,4 +232,103 @@ fn a_texture_stays_where_it_is_in_perspective() {
     }
     assert!(total > 10_000, "{total}");
     assert_eq!(right, total);
+}
+
+/// A box of 0.4 m floats 1 m above a floor of 6 x 6 m; light falls at a slant. Seen from above.
+fn floating_box(place: Point3<f64>) -> (Scene, Pose) {
+    let mut scene = Scene::default();
+    scene.ambient = [0.3; 3];
+    scene.lights.push(Light::Directional { direction_in_world: Vector3::new(0.5, 0.2, -1.0), color: [0.5; 3] });
+    let material = scene.add_material(Material { specular: 0.0, ..Material::default() });
+    let floor = scene.add_mesh(Mesh::cuboid(Vector3::new(3.0, 3.0, 0.05)));
+    let cube = scene.add_mesh(Mesh::cuboid(Vector3::repeat(0.2)));
+    let floor_pose = Pose::translation(0.0, 0.0, -0.05);
+    let pose = Pose::translation(place.x, place.y, place.z);
+    scene.instances = vec![
+        Instance { mesh: floor, material, world_from_mesh: floor_pose, label: 1, casts_shadow: true },
+        Instance { mesh: cube, material, world_from_mesh: pose, label: 2, casts_shadow: true },
+    ];
+    (scene, look_at(&Point3::new(0.0, 0.0, 4.0), &Point3::new(0.1, 0.0, 0.0)))
+}
+
+#[test]
+fn a_shadow_lies_where_something_stands_between_floor_and_light() {
+    let (mut scene, pose) = floating_box(Point3::new(-0.4, 0.1, 1.0));
+    scene.cast_shadows(0);
+    let camera = camera();
+    let image = render(&scene, &camera, &pose, &RenderOptions::default());
+    let bright = image.color[2 * 320 + 160][0];
+    let (mut shaded, mut lit) = (0, 0);
+    for (pixel, &depth) in image.depth_m.iter().enumerate() {
+        let place = pose * camera.back_project(pixel as u32 % 320, pixel as u32 / 320, f64::from(depth));
+        let color = image.color[pixel][0];
+        if image.labels[pixel] == 2 {
+            if place.z > 1.19 {
+                // The top is lit evenly: nothing lies in its own shadow.
+                assert_eq!(color, bright, "at {place}");
+            }
+            continue;
+        }
+        // Back along the light to the slab between the faces of the box.
+        let meets = |slack: f64| {
+            (0..=40).any(|step| {
+                let height = 0.8 + 0.01 * f64::from(step);
+                let (x, y) = (place.x - 0.5 * height + 0.4, place.y - 0.2 * height - 0.1);
+                x.abs() < 0.2 + slack && y.abs() < 0.2 + slack
+            })
+        };
+        if meets(-0.03) {
+            shaded += 1;
+            assert!(color < bright - 20, "{color} at {place} is not in shadow");
+        } else if !meets(0.03) {
+            lit += 1;
+            assert_eq!(color, bright, "at {place}");
+        }
+    }
+    assert!(shaded > 500 && lit > 20_000, "{shaded} shaded, {lit} lit");
+}
+
+#[test]
+fn shadows_follow_from_where_things_stand_and_not_from_how_they_got_there() {
+    let end = Point3::new(0.3, -0.2, 0.7);
+    let (mut moved, pose) = floating_box(Point3::new(-0.4, 0.1, 1.0));
+    moved.cast_shadows(0);
+    let mut images = Vec::new();
+    for step in 0..=60 {
+        // Moves for a while, and then rests long enough to be counted among the things that stand still.
+        let share = f64::from(step.min(30)) / 30.0;
+        let place = Point3::new(-0.4, 0.1, 1.0).coords.lerp(&end.coords, share);
+        moved.instances[1].world_from_mesh = Pose::translation(place.x, place.y, place.z);
+        moved.cast_shadows(0);
+        images.push(render(&moved, &camera(), &pose, &RenderOptions::default()));
+    }
+    assert!(images[0] != images[10]);
+    assert!(images[30] == images[60]);
+    // Away and back again.
+    moved.instances[1].world_from_mesh = Pose::translation(0.0, 0.5, 0.5);
+    moved.cast_shadows(0);
+    moved.instances[1].world_from_mesh = Pose::translation(end.x, end.y, end.z);
+    moved.cast_shadows(0);
+    assert!(images[60] == render(&moved, &camera(), &pose, &RenderOptions::default()));
+    // A scene that knew nothing of the way: only the map's own window may differ, so the first place is the same.
+    let (mut fresh, _) = floating_box(Point3::new(-0.4, 0.1, 1.0));
+    fresh.cast_shadows(0);
+    fresh.instances[1].world_from_mesh = Pose::translation(end.x, end.y, end.z);
+    fresh.cast_shadows(0);
+    assert!(images[60] == render(&fresh, &camera(), &pose, &RenderOptions::default()));
+}
+
+#[test]
+fn what_throws_no_shadow_and_light_without_direction_change_nothing() {
+    let (mut scene, pose) = floating_box(Point3::new(-0.4, 0.1, 1.0));
+    let plain = render(&scene, &camera(), &pose, &RenderOptions::default());
+    scene.instances.iter_mut().for_each(|instance| instance.casts_shadow = false);
+    scene.cast_shadows(0);
+    assert!(plain == render(&scene, &camera(), &pose, &RenderOptions::default()));
+    // There is no second light.
+    scene.instances.iter_mut().for_each(|instance| instance.casts_shadow = true);
+    scene.cast_shadows(1);
+    assert!(plain == render(&scene, &camera(), &pose, &RenderOptions::default()));
+    scene.cast_shadows(0);
+    assert!(plain != render(&scene, &camera(), &pose, &RenderOptions::default()));
 }

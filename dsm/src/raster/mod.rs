@@ -8,6 +8,9 @@
 //! shaded. Bands of rows own their pixels and handle triangles in order, and of two surfaces at the same depth the one
 //! that stands first in the scene wins, so the image is the same for any number of threads.
 //!
+//! One directional light may throw shadows ([`Scene::cast_shadows`]): they are read from a map along the light that is
+//! kept from image to image.
+//!
 //! Neighbouring triangles share an edge exactly: no pixel between them is lost or drawn twice.
 //!
 //! ```
@@ -19,7 +22,7 @@
 //! let mesh = scene.add_mesh(Mesh::cuboid(Vector3::new(0.5, 0.5, 0.5)));
 //! let material = scene.add_material(Material::default());
 //! let world_from_mesh = dsm::Pose::translation(0.0, 0.0, 3.0);
-//! scene.instances.push(Instance { mesh, material, world_from_mesh, label: 7 });
+//! scene.instances.push(Instance { mesh, material, world_from_mesh, label: 7, casts_shadow: true });
 //! let camera = CameraModel::from_vertical_fov(64, 48, 1.0);
 //! // The camera stands at the origin and looks along world z.
 //! let image = render(&scene, &camera, &dsm::Pose::identity(), &RenderOptions::default());
@@ -29,13 +32,16 @@
 //! ```
 
 mod image;
+mod lighting;
 mod mesh;
 mod primitives;
 mod renderer;
 mod scene;
 mod setup;
 mod shade;
+mod shadow;
 mod texture;
+mod triangle;
 mod visibility;
 
 pub use image::{Image, linear_from_srgb, srgb_from_linear};

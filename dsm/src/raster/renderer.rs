@@ -2,7 +2,7 @@
 
 use super::image::{Image, SrgbTable};
 use super::scene::Scene;
-use super::setup::{BAND_ROWS, Prepared};
+use super::setup::{BAND_ROWS, Prepared, Seen};
 use super::shade::Shader;
 use super::visibility::Band;
 use crate::Pose;
@@ -33,7 +33,7 @@ impl Default for RenderOptions {
 pub struct Renderer {
     prepared: Prepared,
     inverse_z: Vec<f32>,
-    numbers: Vec<u32>,
+    seen: Vec<Seen>,
     srgb: SrgbTable,
     /// The instructions of this machine.
     arch: Arch,
@@ -43,7 +43,6 @@ pub struct Renderer {
 struct BandWork<'a> {
     prepared: &'a Prepared,
     shader: &'a Shader<'a>,
-    touching: &'a [u32],
     far_m: f32,
     band: Band<'a>,
     color: &'a mut [[u8; 3]],
@@ -56,7 +55,7 @@ impl NullaryFnOnce for BandWork<'_> {
 
     #[inline(always)]
     fn call(mut self) {
-        self.band.fill(self.prepared, self.touching, self.far_m);
+        self.band.fill(self.prepared, self.far_m);
         self.shader.shade(&self.band, self.color, self.depth_m, self.labels);
     }
 }
@@ -66,7 +65,7 @@ impl Default for Renderer {
         Self {
             prepared: Prepared::default(),
             inverse_z: Vec::new(),
-            numbers: Vec::new(),
+            seen: Vec::new(),
             srgb: SrgbTable::new(),
             arch: Arch::new(),
         }
@@ -88,29 +87,29 @@ impl Renderer {
         let camera_from_world = world_from_camera.inverse();
         image.resize(model.width, model.height);
         self.inverse_z.resize(model.pixel_count(), 0.0);
-        self.numbers.resize(model.pixel_count(), 0);
+        self.seen.resize(model.pixel_count(), Seen::NOTHING);
         // 1. Triangles in pixels, culled and clipped.
         self.prepared.prepare(scene, model, &camera_from_world, options);
         // 2. and 3. Each band of rows finds its nearest surfaces and shades them.
         let prepared = &self.prepared;
-        let shader = Shader::new(scene, model, &camera_from_world, prepared, options.background, &self.srgb);
+        let shader = Shader::new(scene, model, world_from_camera, prepared, options.background, &self.srgb);
         let arch = self.arch;
         let pixels = BAND_ROWS * model.width as usize;
         if pixels == 0 {
             return;
         }
         (self.inverse_z.par_chunks_mut(pixels))
-            .zip(self.numbers.par_chunks_mut(pixels))
+            .zip(self.seen.par_chunks_mut(pixels))
             .zip(image.color.par_chunks_mut(pixels))
             .zip(image.depth_m.par_chunks_mut(pixels))
             .zip(image.labels.par_chunks_mut(pixels))
             .enumerate()
-            .for_each(|(index, ((((inverse_z, numbers), color), depth_m), labels))| {
-                let first_row = (index * BAND_ROWS) as u32;
+            .for_each(|(number, ((((inverse_z, seen), color), depth_m), labels))| {
+                let first_row = (number * BAND_ROWS) as u32;
                 let end_row = (first_row + BAND_ROWS as u32).min(model.height);
-                let band = Band { width: model.width, first_row, end_row, inverse_z, numbers };
-                let (shader, touching, far_m) = (&shader, &prepared.bands[index][..], options.far_m);
-                arch.dispatch(BandWork { prepared, shader, touching, far_m, band, color, depth_m, labels });
+                let band = Band { number, width: model.width, first_row, end_row, inverse_z, seen };
+                let (shader, far_m) = (&shader, options.far_m);
+                arch.dispatch(BandWork { prepared, shader, far_m, band, color, depth_m, labels });
             });
     }
 

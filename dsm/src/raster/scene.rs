@@ -1,6 +1,7 @@
 //! What is drawn: meshes, materials, textures, lights and points.
 
 use super::mesh::Mesh;
+use super::shadow::ShadowMap;
 use super::texture::Texture;
 use crate::Pose;
 use nalgebra::{Point3, Vector3};
@@ -51,6 +52,8 @@ pub struct Instance {
     pub world_from_mesh: Pose,
     /// What the label image holds where it is seen; 0 is the background.
     pub label: u32,
+    /// Whether it throws a shadow; only closed meshes do.
+    pub casts_shadow: bool,
 }
 
 /// A source of light. `color` is linear light that falls on a surface straight below, 1 per channel is full white.
@@ -101,9 +104,28 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Linear light from everywhere, 0 to 1. Surfaces that face down get half of it.
     pub ambient: [f32; 3],
+    shadow: Option<ShadowMap>,
 }
 
 impl Scene {
+    /// Throws the shadows of one of the lights, by its index, with the instances where they stand now. To be called again
+    /// after instances moved; it costs little when few did. A light that is not directional throws none.
+    ///
+    /// The shadows follow from where the instances stand, not from how they got there. Only what lies around the
+    /// instances of the first call is in reach.
+    pub fn cast_shadows(&mut self, light: usize) {
+        let known = self.shadow.take().filter(|shadow| shadow.is_of(self, light));
+        self.shadow = known.or_else(|| ShadowMap::find(self, light));
+        if let Some(mut shadow) = self.shadow.take() {
+            shadow.update(self);
+            self.shadow = Some(shadow);
+        }
+    }
+
+    pub(super) fn shadow(&self) -> Option<&ShadowMap> {
+        self.shadow.as_ref()
+    }
+
     /// Adds a shape that instances can share.
     pub fn add_mesh(&mut self, mesh: Mesh) -> MeshIndex {
         self.meshes.push(mesh);

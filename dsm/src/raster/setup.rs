@@ -3,14 +3,67 @@
 use super::mesh::Mesh;
 use super::renderer::RenderOptions;
 use super::scene::{Scene, Splats};
+use super::triangle::{Corner, Culling, Outline, Shares, Triangle, pixel_from};
 use crate::Pose;
 use crate::camera::CameraModel;
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+use std::ops::Range;
 
 /// Rows of a band: its share of the visibility buffer fits the second-level cache.
 pub(super) const BAND_ROWS: usize = 16;
+/// The instances are prepared in so many parts, side by side. A fixed number: the order of triangles is that of the scene
+/// for any number of threads.
+const PARTS: usize = 8;
+/// A [`Seen`] triangle keeps its index in the bits below, the number of its part above.
+const PART_SHIFT: u32 = 28;
+const DISC: u32 = 1 << 31;
 
-/// A vertex in the camera frame and in the image.
+/// What a pixel of the visibility buffer shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Seen(u32);
+
+/// The thing that is seen.
+pub(super) enum Thing {
+    Nothing,
+    Triangle { part: usize, index: usize },
+    Disc { index: usize },
+}
+
+impl Seen {
+    /// Nothing covers the pixel.
+    pub(super) const NOTHING: Self = Self(u32::MAX);
+
+    #[inline(always)]
+    pub(super) fn triangle(part: usize, index: usize) -> Self {
+        Self((part as u32) << PART_SHIFT | index as u32)
+    }
+
+    #[inline(always)]
+    pub(super) fn disc(index: usize) -> Self {
+        Self(DISC | index as u32)
+    }
+
+    /// Whether it is something that light falls on.
+    #[inline(always)]
+    pub(super) fn is_triangle(self) -> bool {
+        self.0 < DISC
+    }
+
+    #[inline(always)]
+    pub(super) fn thing(self) -> Thing {
+        match self.0 {
+            u32::MAX => Thing::Nothing,
+            disc if disc >= DISC => Thing::Disc { index: (disc & !DISC) as usize },
+            triangle => Thing::Triangle {
+                part: (triangle >> PART_SHIFT) as usize,
+                index: (triangle & ((1 << PART_SHIFT) - 1)) as usize,
+            },
+        }
+    }
+}
+
+/// A vertex in the camera frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Vertex {
     /// Camera frame, metres.
@@ -18,48 +71,16 @@ pub(super) struct Vertex {
     /// Camera frame.
     pub normal: Vector3<f32>,
     pub uv: [f32; 2],
-    /// Pixels; meaningful only in front of the near plane.
-    pub x: f32,
-    pub y: f32,
-    /// 1/m.
-    pub inverse_z: f32,
 }
 
-/// A function that is linear over the image: value at the triangle's origin pixel and slopes per pixel.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Plane {
-    pub at_origin: f32,
-    pub per_column: f32,
-    pub per_row: f32,
-}
-
-impl Plane {
-    #[inline(always)]
-    pub(super) fn at(&self, column: f32, row: f32) -> f32 {
-        self.at_origin + column * self.per_column + row * self.per_row
-    }
-}
-
-/// A triangle ready to be filled. The planes count columns and rows from the origin pixel.
+/// What shading needs to know of a triangle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Triangle {
-    /// Corners in pixels from the topmost to the lowest.
-    pub corners: [[f32; 2]; 3],
-    /// Whether the middle corner lies left of the edge from the topmost to the lowest.
-    pub middle_is_left: bool,
-    /// Whether the camera sees the side that faces inward (only kept for open meshes).
-    pub back: bool,
-    pub origin: [i32; 2],
-    pub first_row: u32,
-    pub end_row: u32,
-    pub inverse_z: Plane,
-    pub inverse_z_min: f32,
-    pub inverse_z_max: f32,
-    /// Barycentric coordinates of the second and third vertex, divided by z.
-    pub second: Plane,
-    pub third: Plane,
+pub(super) struct Surface {
+    pub shares: Shares,
     /// Texture area per pixel area, times the cube of the inverse depth (uv squared per pixel squared per cubic metre).
     pub uv_density: f32,
+    /// Whether all corners have the same normal.
+    pub flat: bool,
     pub vertices: [u32; 3],
     pub instance: u32,
 }
@@ -75,14 +96,38 @@ pub(super) struct Disc {
     pub label: u32,
 }
 
+/// Some of the instances.
+#[derive(Debug, Default)]
+pub(super) struct Part {
+    corners: Vec<Corner>,
+    pub vertices: Vec<Vertex>,
+    pub triangles: Vec<Triangle>,
+    /// As many as triangles.
+    pub surfaces: Vec<Surface>,
+    /// Triangles that touch each band, in rising order.
+    pub bands: Vec<Vec<u32>>,
+}
+
 /// The output of the stage; its buffers are used again.
 #[derive(Debug, Default)]
 pub(super) struct Prepared {
-    pub vertices: Vec<Vertex>,
-    pub triangles: Vec<Triangle>,
+    visible: Vec<Visible>,
+    pub parts: [Part; PARTS],
     pub discs: Vec<Disc>,
-    /// Triangles, then discs (numbered on from the triangles), that touch each band, in rising order.
-    pub bands: Vec<Vec<u32>>,
+    /// Discs that touch each band, in rising order.
+    pub disc_bands: Vec<Vec<u32>>,
+}
+
+/// An instance of which something may be seen.
+#[derive(Clone, Copy, Debug)]
+struct Visible {
+    instance: u32,
+    /// Mesh to camera frame.
+    rotation: Matrix3<f32>,
+    translation: Vector3<f32>,
+    place: SpherePlace,
+    /// Triangles of all instances before this one.
+    triangles_before: usize,
 }
 
 /// The image bounds and planes of one view.
@@ -105,12 +150,10 @@ impl Prepared {
         camera_from_world: &Pose,
         options: &RenderOptions,
     ) {
-        self.vertices.clear();
-        self.triangles.clear();
-        self.discs.clear();
-        self.bands.resize_with((model.height as usize).div_ceil(BAND_ROWS), Vec::new);
-        self.bands.iter_mut().for_each(Vec::clear);
         let view = View::new(model, options);
+        let bands = (model.height as usize).div_ceil(BAND_ROWS);
+        self.visible.clear();
+        let mut triangles = 0;
         for (number, instance) in scene.instances.iter().enumerate() {
             let mesh = scene.mesh(instance.mesh);
             let camera_from_mesh = camera_from_world * instance.world_from_mesh;
@@ -118,40 +161,85 @@ impl Prepared {
             let translation = camera_from_mesh.translation.vector.cast::<f32>();
             let (center, radius) = mesh.bounding_sphere();
             if let Some(place) = view.place_sphere(&(rotation * center.coords + translation), radius) {
-                self.add_mesh(&view, mesh, number as u32, &rotation, &translation, place);
+                let instance = number as u32;
+                self.visible.push(Visible { instance, rotation, translation, place, triangles_before: triangles });
+                triangles += mesh.indices().len();
             }
         }
+        // Each part takes about as many triangles.
+        let visible = &self.visible;
+        let first_of = |part: usize| visible.partition_point(|v| v.triangles_before * PARTS < part * triangles);
+        let shares: [Range<usize>; PARTS] = std::array::from_fn(|part| {
+            if part + 1 < PARTS { first_of(part)..first_of(part + 1) } else { first_of(part)..visible.len() }
+        });
+        self.parts.par_iter_mut().zip(shares).for_each(|(part, share)| {
+            part.clear(bands);
+            for visible in &visible[share] {
+                let mesh = scene.mesh(scene.instances[visible.instance as usize].mesh);
+                part.add_mesh(&view, mesh, visible);
+            }
+        });
+        self.discs.clear();
+        self.disc_bands.resize_with(bands, Vec::new);
+        self.disc_bands.iter_mut().for_each(Vec::clear);
         for splats in &scene.splats {
             self.add_splats(&view, splats, camera_from_world);
         }
     }
 
-    fn add_mesh(
-        &mut self,
-        view: &View,
-        mesh: &Mesh,
-        instance: u32,
-        rotation: &Matrix3<f32>,
-        translation: &Vector3<f32>,
-        place: SpherePlace,
-    ) {
+    fn add_splats(&mut self, view: &View, splats: &Splats, camera_from_world: &Pose) {
+        let rotation = camera_from_world.rotation.to_rotation_matrix().into_inner().cast::<f32>();
+        let translation = camera_from_world.translation.vector.cast::<f32>();
+        for (point, &color) in splats.points_in_world.iter().zip(&splats.colors) {
+            let p = rotation * point.coords + translation;
+            if !(p.z >= view.near_m && p.z <= view.far_m) {
+                continue;
+            }
+            let Corner { x, y, nearness } = view.corner(&p);
+            // With 0.71 pixels a disc holds at least one pixel centre.
+            let radius = (splats.radius_m * view.focal[0] * nearness).max(0.71);
+            let (width, height) = (view.model.width as f32, view.model.height as f32);
+            if x + radius < 0.0 || x - radius > width || y + radius < 0.0 || y - radius > height {
+                continue;
+            }
+            let rows = pixel_from(y - radius, view.model.height)..pixel_from(y + radius, view.model.height);
+            add_to_bands(&mut self.disc_bands, self.discs.len() as u32, rows);
+            self.discs.push(Disc { x, y, radius, inverse_z: nearness, color, label: splats.label });
+        }
+    }
+}
+
+impl Part {
+    fn clear(&mut self, bands: usize) {
+        self.corners.clear();
+        self.vertices.clear();
+        self.triangles.clear();
+        self.surfaces.clear();
+        self.bands.resize_with(bands, Vec::new);
+        self.bands.iter_mut().for_each(Vec::clear);
+    }
+
+    fn add_mesh(&mut self, view: &View, mesh: &Mesh, visible: &Visible) {
         let first = self.vertices.len() as u32;
-        let corners = mesh.positions().iter().zip(mesh.normals()).zip(mesh.uvs());
-        self.vertices.extend(corners.map(|((position, normal), &uv)| {
-            view.vertex(rotation * position.coords + translation, rotation * normal, uv)
-        }));
+        let (rotation, translation) = (visible.rotation, visible.translation);
+        for ((position, normal), &uv) in mesh.positions().iter().zip(mesh.normals()).zip(mesh.uvs()) {
+            let position = rotation * position.coords + translation;
+            self.corners.push(view.corner(&position));
+            self.vertices.push(Vertex { position, normal: rotation * normal, uv });
+        }
+        let culling = if mesh.is_closed() { Culling::Back } else { Culling::Nothing };
         for triangle in mesh.indices() {
-            let corners = triangle.map(|i| first + i);
-            if place == SpherePlace::BeyondNear {
-                self.add_triangle(view, corners, instance, mesh.is_closed());
+            let vertices = triangle.map(|i| first + i);
+            if visible.place == SpherePlace::BeyondNear {
+                self.add_triangle(view, vertices, visible.instance, culling);
             } else {
-                self.add_clipped(view, corners, instance, mesh.is_closed());
+                self.add_clipped(view, vertices, visible.instance, culling);
             }
         }
     }
 
     /// Cuts off what is nearer than the near plane: nothing, one or two triangles remain.
-    fn add_clipped(&mut self, view: &View, corners: [u32; 3], instance: u32, closed: bool) {
+    fn add_clipped(&mut self, view: &View, corners: [u32; 3], instance: u32, culling: Culling) {
         let inside = corners.map(|i| self.vertices[i as usize].position.z >= view.near_m);
         let mut polygon = [0_u32; 4];
         let mut count = 0;
@@ -167,59 +255,41 @@ impl Prepared {
                 polygon[count] = self.vertices.len() as u32;
                 count += 1;
                 let cut = view.cut(&self.vertices[from as usize], &self.vertices[to as usize]);
+                self.corners.push(view.corner(&cut.position));
                 self.vertices.push(cut);
             }
         }
         for i in 2..count {
-            self.add_triangle(view, [polygon[0], polygon[i - 1], polygon[i]], instance, closed);
+            self.add_triangle(view, [polygon[0], polygon[i - 1], polygon[i]], instance, culling);
         }
     }
 
-    fn add_triangle(&mut self, view: &View, vertices: [u32; 3], instance: u32, closed: bool) {
-        let corners = vertices.map(|i| self.vertices[i as usize]);
-        if let Some(triangle) = find_triangle(view, &corners, vertices, instance, closed) {
-            let number = self.triangles.len() as u32;
-            self.add_to_bands(number, triangle.first_row, triangle.end_row);
-            self.triangles.push(triangle);
-        }
+    #[inline]
+    fn add_triangle(&mut self, view: &View, vertices: [u32; 3], instance: u32, culling: Culling) {
+        let [a, b, c] = [0, 1, 2].map(|i| &self.corners[vertices[i] as usize]);
+        let Some(outline) = Outline::find([a, b, c], [view.model.width, view.model.height], culling) else { return };
+        let (triangle, shares) = (outline.triangle(), outline.shares());
+        let nearness = a.nearness * b.nearness * c.nearness;
+        let [a, b, c] = [0, 1, 2].map(|i| &self.vertices[vertices[i] as usize]);
+        let uv_area = (b.uv[0] - a.uv[0]) * (c.uv[1] - a.uv[1]) - (c.uv[0] - a.uv[0]) * (b.uv[1] - a.uv[1]);
+        let uv_density = (uv_area * nearness * shares.inverse_area).abs();
+        let flat = a.normal == b.normal && a.normal == c.normal;
+        add_to_bands(&mut self.bands, self.triangles.len() as u32, triangle.first_row..triangle.end_row);
+        self.triangles.push(triangle);
+        self.surfaces.push(Surface { shares, uv_density, flat, vertices, instance });
     }
+}
 
-    fn add_splats(&mut self, view: &View, splats: &Splats, camera_from_world: &Pose) {
-        let rotation = camera_from_world.rotation.to_rotation_matrix().into_inner().cast::<f32>();
-        let translation = camera_from_world.translation.vector.cast::<f32>();
-        for (point, &color) in splats.points_in_world.iter().zip(&splats.colors) {
-            let p = rotation * point.coords + translation;
-            if !(p.z >= view.near_m && p.z <= view.far_m) {
-                continue;
-            }
-            let inverse_z = 1.0 / p.z;
-            let (x, y) =
-                (view.focal[0] * p.x * inverse_z + view.center[0], view.focal[1] * p.y * inverse_z + view.center[1]);
-            // With 0.71 pixels a disc holds at least one pixel centre.
-            let radius = (splats.radius_m * view.focal[0] * inverse_z).max(0.71);
-            let (width, height) = (view.model.width as f32, view.model.height as f32);
-            if x + radius < 0.0 || x - radius > width || y + radius < 0.0 || y - radius > height {
-                continue;
-            }
-            let number = (self.triangles.len() + self.discs.len()) as u32;
-            let (first_row, end_row) =
-                (pixel_from(y - radius, view.model.height), pixel_from(y + radius, view.model.height));
-            self.add_to_bands(number, first_row, end_row);
-            self.discs.push(Disc { x, y, radius, inverse_z, color, label: splats.label });
-        }
-    }
-
-    fn add_to_bands(&mut self, number: u32, first_row: u32, end_row: u32) {
-        if first_row < end_row {
-            for band in first_row as usize / BAND_ROWS..=(end_row as usize - 1) / BAND_ROWS {
-                self.bands[band].push(number);
-            }
+fn add_to_bands(bands: &mut [Vec<u32>], number: u32, rows: Range<u32>) {
+    if !rows.is_empty() {
+        for band in &mut bands[rows.start as usize / BAND_ROWS..=(rows.end as usize - 1) / BAND_ROWS] {
+            band.push(number);
         }
     }
 }
 
 /// Where a visible bounding sphere lies.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum SpherePlace {
     BeyondNear,
     CrossesNear,
@@ -249,16 +319,14 @@ impl<'a> View<'a> {
         (!outside).then_some(if nearest_m > self.near_m { SpherePlace::BeyondNear } else { SpherePlace::CrossesNear })
     }
 
-    #[inline]
-    fn vertex(&self, position: Vector3<f32>, normal: Vector3<f32>, uv: [f32; 2]) -> Vertex {
-        let inverse_z = 1.0 / position.z;
-        Vertex {
-            position,
-            normal,
-            uv,
-            x: self.focal[0] * position.x * inverse_z + self.center[0],
-            y: self.focal[1] * position.y * inverse_z + self.center[1],
-            inverse_z,
+    /// Where a point of the camera frame lies in the image.
+    #[inline(always)]
+    fn corner(&self, position: &Vector3<f32>) -> Corner {
+        let nearness = 1.0 / position.z;
+        Corner {
+            x: self.focal[0] * position.x * nearness + self.center[0],
+            y: self.focal[1] * position.y * nearness + self.center[1],
+            nearness,
         }
     }
 
@@ -269,95 +337,6 @@ impl<'a> View<'a> {
         position.z = self.near_m;
         let normal = visible.normal + (hidden.normal - visible.normal) * share;
         let uv = std::array::from_fn(|i| visible.uv[i] + (hidden.uv[i] - visible.uv[i]) * share);
-        self.vertex(position, normal, uv)
+        Vertex { position, normal, uv }
     }
-}
-
-/// The first pixel whose centre lies at or after the coordinate, within 0 to `limit`.
-#[inline(always)]
-pub(super) fn pixel_from(coordinate: f32, limit: u32) -> u32 {
-    let start = (coordinate - 0.5).max(0.0).min(limit as f32);
-    let whole = start as u32;
-    whole + u32::from(start > whole as f32)
-}
-
-/// The triangle in the image; `None` when it covers no pixel or faces away.
-fn find_triangle(
-    view: &View,
-    corners: &[Vertex; 3],
-    vertices: [u32; 3],
-    instance: u32,
-    closed: bool,
-) -> Option<Triangle> {
-    let [a, b, c] = corners;
-    let (width, height) = (view.model.width, view.model.height);
-    let first_row = pixel_from(min3(a.y, b.y, c.y), height);
-    let end_row = pixel_from(max3(a.y, b.y, c.y), height);
-    let first_column = pixel_from(min3(a.x, b.x, c.x), width);
-    let end_column = pixel_from(max3(a.x, b.x, c.x), width);
-    if first_row >= end_row || first_column >= end_column {
-        return None;
-    }
-    // In f64: a triangle cut at the near plane may reach far outside the image.
-    let (ax, ay) = (f64::from(a.x), f64::from(a.y));
-    let (bx, by) = (f64::from(b.x) - ax, f64::from(b.y) - ay);
-    let (cx, cy) = (f64::from(c.x) - ax, f64::from(c.y) - ay);
-    let area = bx * cy - cx * by;
-    // Rows run down, so a counter-clockwise triangle has a negative area.
-    let back = area > 0.0;
-    if area == 0.0 || (back && closed) {
-        return None;
-    }
-    let (dx, dy) = (f64::from(first_column) + 0.5 - ax, f64::from(first_row) + 0.5 - ay);
-    let inverse_area = 1.0 / area;
-    let plane = |at_a: f32, at_b: f32, at_c: f32| {
-        let (rise_b, rise_c) = (f64::from(at_b) - f64::from(at_a), f64::from(at_c) - f64::from(at_a));
-        let per_column = (rise_b * cy - rise_c * by) * inverse_area;
-        let per_row = (rise_c * bx - rise_b * cx) * inverse_area;
-        let at_origin = f64::from(at_a) + per_column * dx + per_row * dy;
-        Plane { at_origin: at_origin as f32, per_column: per_column as f32, per_row: per_row as f32 }
-    };
-    let uv_area = (b.uv[0] - a.uv[0]) * (c.uv[1] - a.uv[1]) - (c.uv[0] - a.uv[0]) * (b.uv[1] - a.uv[1]);
-    let [top, middle, bottom] = sorted_by_row([[a.x, a.y], [b.x, b.y], [c.x, c.y]]);
-    let along = f64::from(middle[1] - top[1]) * f64::from(bottom[0] - top[0]);
-    let across = f64::from(middle[0] - top[0]) * f64::from(bottom[1] - top[1]);
-    Some(Triangle {
-        corners: [top, middle, bottom],
-        middle_is_left: across < along,
-        back,
-        origin: [first_column as i32, first_row as i32],
-        first_row,
-        end_row,
-        inverse_z: plane(a.inverse_z, b.inverse_z, c.inverse_z),
-        inverse_z_min: min3(a.inverse_z, b.inverse_z, c.inverse_z),
-        inverse_z_max: max3(a.inverse_z, b.inverse_z, c.inverse_z),
-        second: plane(0.0, b.inverse_z, 0.0),
-        third: plane(0.0, 0.0, c.inverse_z),
-        uv_density: (uv_area * a.inverse_z * b.inverse_z * c.inverse_z * inverse_area as f32).abs(),
-        vertices,
-        instance,
-    })
-}
-
-fn sorted_by_row([mut a, mut b, mut c]: [[f32; 2]; 3]) -> [[f32; 2]; 3] {
-    if b[1] < a[1] {
-        (a, b) = (b, a);
-    }
-    if c[1] < b[1] {
-        (b, c) = (c, b);
-        if b[1] < a[1] {
-            (a, b) = (b, a);
-        }
-    }
-    [a, b, c]
-}
-
-fn min3(a: f32, b: f32, c: f32) -> f32 {
-    let least = if b < a { b } else { a };
-    if c < least { c } else { least }
-}
-
-fn max3(a: f32, b: f32, c: f32) -> f32 {
-    let most = if b > a { b } else { a };
-    if c > most { c } else { most }
 }

@@ -31,7 +31,7 @@ pub(crate) fn room(detail: u32) -> Scene {
         let material = scene.add_material(material);
         let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
         let world_from_mesh = Pose::from_parts(Translation3::new(place[0], place[1], place[2]), rotation);
-        scene.instances.push(Instance { mesh, material, world_from_mesh, label });
+        scene.instances.push(Instance { mesh, material, world_from_mesh, label, casts_shadow: true });
     };
     let white = Material { color: [1.0; 3], ..Material::default() };
     let floor = scene.add_mesh(Mesh::plane(3.0, 2.5, 8));

@@ -48,6 +48,7 @@ impl LightDraw {
             kind: LightKind::Directional { direction: Vector3::new(0.3, 0.45, -0.84) },
             diffuse: [0.6; 3],
             ambient: [AMBIENT_MIN; 3],
+            casts_shadow: true,
         }];
         let lights = if lights.is_empty() { &fallback } else { lights };
         let mut rng = NoiseKey { seed: self.seed, stream: STREAM, frame: 0 }.rng(0);
@@ -81,6 +82,23 @@ impl LightDraw {
     }
 }
 
+/// The light that throws the shadows, by its place among the scene's: the strongest directional one that is meant to. A
+/// scene without lights is lit by one that does.
+pub(super) fn find_main(lights: &[SceneLight]) -> Option<usize> {
+    if lights.is_empty() {
+        return Some(0);
+    }
+    let strength = |light: &SceneLight| light.diffuse.iter().sum::<f32>();
+    let throws = |light: &SceneLight| {
+        light.casts_shadow && matches!(light.kind, LightKind::Directional { .. }) && strength(light) > 0.0
+    };
+    let throwing = lights.iter().enumerate().filter(|(_, light)| throws(light));
+    // Of two alike the first.
+    throwing
+        .max_by(|(_, a), (_, b)| strength(a).total_cmp(&strength(b)).then(std::cmp::Ordering::Greater))
+        .map(|(i, _)| i)
+}
+
 /// Scales all light down where a level surface would be brighter than white.
 fn expose(mut lights: Vec<Light>, ambient: [f32; 3]) -> (Vec<Light>, [f32; 3]) {
     let falls = |light: &Light| match *light {
@@ -111,10 +129,11 @@ fn expose(mut lights: Vec<Light>, ambient: [f32; 3]) -> (Vec<Light>, [f32; 3]) {
 mod tests {
     //! Contract: the seed alone decides the light, different seeds differ, and limits hold.
     use super::*;
+    use nalgebra::Point3;
 
     fn lamp() -> SceneLight {
         let kind = LightKind::Directional { direction: Vector3::new(0.0, 0.0, -1.0) };
-        SceneLight { kind, diffuse: [0.4; 3], ambient: [0.1; 3] }
+        SceneLight { kind, diffuse: [0.4; 3], ambient: [0.1; 3], casts_shadow: true }
     }
 
     #[test]
@@ -141,5 +160,15 @@ mod tests {
             lights.iter().map(|l| if let Light::Directional { color, .. } = l { color[0] } else { 0.0 }).sum();
         assert!((sum + ambient[0] - LEVEL_LIGHT_MAX).abs() < 1e-4);
         assert_eq!(LightDraw::unchanged().apply(&[]).0.len(), 1);
+    }
+
+    #[test]
+    fn the_strongest_directional_light_that_may_throws_the_shadows() {
+        let soft = SceneLight { casts_shadow: false, diffuse: [0.9; 3], ..lamp() };
+        let bulb = SceneLight { kind: LightKind::Point { position: Point3::origin() }, diffuse: [0.9; 3], ..lamp() };
+        let sun = SceneLight { diffuse: [0.5; 3], ..lamp() };
+        assert_eq!(find_main(&[lamp(), soft, bulb, sun, sun]), Some(3));
+        assert_eq!(find_main(&[soft, bulb]), None);
+        assert_eq!(find_main(&[]), Some(0));
     }
 }

@@ -1,6 +1,6 @@
 //! The scene and the robot as a camera sees them.
 
-use super::light::LightDraw;
+use super::light::{LightDraw, find_main};
 use super::shapes;
 use super::visual::RobotVisual;
 use crate::scene::{SceneMaterial, SceneModel, SceneShape, TextureSpan};
@@ -17,6 +17,9 @@ pub type TrueImage = Image;
 
 /// Label of every robot link.
 pub const ROBOT_LABEL: u32 = u32::MAX;
+
+/// Index of the world in `SceneModel::bodies`.
+const WORLD: usize = 0;
 
 /// Label of a scene body by its index in `SceneModel::bodies`; 0 is the background.
 pub fn label_of_body(body: usize) -> u32 {
@@ -69,6 +72,8 @@ pub struct CameraRig {
     scene: Scene,
     /// For each instance: what it moves with, and its pose there.
     carried: Vec<(Carrier, Pose)>,
+    /// The light that throws shadows.
+    main_light: Option<usize>,
     renderer: Renderer,
     options: RenderOptions,
 }
@@ -96,7 +101,8 @@ impl CameraRig {
         }
         let Builder { mut scene, carried, .. } = builder;
         (scene.lights, scene.ambient) = light.apply(&model.lights);
-        Ok(Self { scene, carried, renderer: Renderer::default(), options: RenderOptions::default() })
+        let main_light = find_main(&model.lights);
+        Ok(Self { scene, carried, main_light, renderer: Renderer::default(), options: RenderOptions::default() })
     }
 
     /// The true image of one camera. `body_poses` (world from body) follow `SceneModel::bodies`, `link_poses` (world from
@@ -130,6 +136,9 @@ impl CameraRig {
             // A shape without a pose goes far behind every far plane.
             let nowhere = Pose::translation(0.0, 0.0, -1e6);
             instance.world_from_mesh = carrier_pose.map_or(nowhere, |pose| pose * carrier_from_shape);
+        }
+        if let Some(light) = self.main_light {
+            self.scene.cast_shadows(light);
         }
         self.renderer.render_into(&self.scene, model, world_from_camera, &self.options, image);
     }
@@ -209,7 +218,10 @@ impl Builder {
     }
 
     fn place(&mut self, mesh: MeshIndex, material: MaterialIndex, label: u32, carrier: Carrier, place: Pose) {
-        self.scene.instances.push(Instance { mesh, material, world_from_mesh: place, label });
+        // The world's own geoms are floors and walls. A scene has no ceilings, so its walls would throw the shadows of a
+        // ruin; the main light stands for what comes through windows and from lamps.
+        let casts_shadow = !matches!(carrier, Carrier::Body(WORLD));
+        self.scene.instances.push(Instance { mesh, material, world_from_mesh: place, label, casts_shadow });
         self.carried.push((carrier, place));
     }
 }

@@ -173,6 +173,8 @@ pub struct SceneLight {
     pub diffuse: [f32; 3],
     /// Ambient colour, 0 to 1.
     pub ambient: [f32; 3],
+    /// Whether it throws shadows, if it can.
+    pub casts_shadow: bool,
 }
 
 /// A parsed scene.

@@ -217,7 +217,8 @@ pub(super) fn load_lights(document: &Document<'_>, pose_of: impl Fn(Node<'_, '_>
         } else {
             LightKind::Point { position: world_from_parent * Point3::from(triple("pos", [0.0; 3])) }
         };
-        lights.push(SceneLight { kind, diffuse: triple("diffuse", [0.7; 3]), ambient: triple("ambient", [0.0; 3]) });
+        let (diffuse, ambient) = (triple("diffuse", [0.7; 3]), triple("ambient", [0.0; 3]));
+        lights.push(SceneLight { kind, diffuse, ambient, casts_shadow: text("castshadow") != Some("false") });
     }
     let headlight = document.descendants().find(|n| n.has_tag_name("headlight"));
     if headlight.and_then(|n| n.attribute("active")) != Some("0") {
@@ -226,7 +227,7 @@ pub(super) fn load_lights(document: &Document<'_>, pose_of: impl Fn(Node<'_, '_>
         // Seen along the viewing direction, a surface returns half of it on average.
         let ambient = std::array::from_fn(|i| ambient[i] + 0.5 * diffuse[i]);
         let kind = LightKind::Directional { direction: -Vector3::z() };
-        lights.push(SceneLight { kind, diffuse: [0.0; 3], ambient });
+        lights.push(SceneLight { kind, diffuse: [0.0; 3], ambient, casts_shadow: false });
     }
     lights
 }
