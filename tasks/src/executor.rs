@@ -119,6 +119,8 @@ impl Executor {
                 },
                 target: step.target.clone().unwrap_or_default(),
                 destination: None,
+                region: None,
+                back: false,
             },
         };
         match command.action {

@@ -369,4 +369,8 @@ pub(super) const FUNCTION_WORDS: &[&str] = &[
     "all",
     "other",
     "both",
+    "off",
+    "out",
+    "except",
+    "apart",
 ];

@@ -22,8 +22,10 @@
 //! ```
 
 mod answer;
+mod clauses;
 mod color;
 mod command;
+mod command_words;
 mod config;
 mod decide;
 mod filter;

@@ -70,6 +70,10 @@ impl Parser<'_> {
                 "is" | "are" | "was" | "looks" | "be" => after_copula = true,
                 _ => {}
             }
+            if self.read_exclusion(entity, depth) || self.read_source(entity, depth) {
+                negated = false;
+                continue;
+            }
             if self.read_counted_from(entity) || self.read_made_of(entity, negated) || self.read_purpose(entity) {
                 negated = false;
                 continue;

@@ -93,7 +93,7 @@ pub(super) fn find_head(run: &[String], knowledge: &Knowledge, names: &Names) ->
         }
     }
     // "the red": a description without a noun.
-    let ordinal = names.lenient && words::find_ordinal(&run[last]).is_some();
+    let ordinal = words::find_ordinal(&run[last]).is_some();
     if ordinal || words::find_superlative(&run[last]).is_some() || find_attribute(&run[last], knowledge).is_some() {
         return head(Noun::Anything, run.len(), true);
     }

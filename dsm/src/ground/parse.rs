@@ -211,13 +211,26 @@ impl Parser<'_> {
         article
     }
 
+    /// Whether the "can" `ahead` of here is a thing and not a verb: "the can", "a can of soup", but not "the chair can be
+    /// moved" nor "can you".
+    fn is_noun_can(&self, ahead: usize) -> bool {
+        let next = self.tokens.get(self.at + ahead + 1).map(String::as_str);
+        let verb = next.is_some_and(|next| {
+            matches!(next, "be" | "i" | "you" | "we" | "one" | "see" | "have" | "not" | "also" | "use")
+                || self.knowledge.words().purposes.find(next).is_some()
+        });
+        let before = (self.at + ahead).checked_sub(1).map(|i| self.tokens[i].as_str());
+        let opens = ahead > 0 || before.is_none_or(|before| words::is_function_word(before) && before != "that");
+        opens && !verb
+    }
+
     /// Number of content words from here on.
     pub(super) fn content_run(&self) -> usize {
         let rest = self.rest();
         let mut length = 0;
         while length < rest.len() && length < 8 {
             let token = rest[length].as_str();
-            if words::is_function_word(token) {
+            if words::is_function_word(token) && !(token == "can" && self.is_noun_can(length)) {
                 break;
             }
             let tail = &rest[length..];
@@ -239,14 +252,18 @@ impl Parser<'_> {
     pub(super) fn read_premodifiers(&mut self, before: &[String], entity: &mut Entity) {
         let mut rank = None;
         let mut order = None;
+        let mut negated = false;
         for word in before {
-            if let Some(ordinal) = words::find_ordinal(word) {
+            if word == "non" {
+                negated = true;
+            } else if let Some(ordinal) = words::find_ordinal(word) {
                 rank = Some(ordinal);
             } else if let Some(superlative) = words::find_superlative(word) {
                 order = Some(superlative);
             } else if let Some(term) = noun::find_attribute(word, self.knowledge) {
                 self.known_words += 1;
-                entity.attributes.push(term);
+                entity.attributes.push(AttributeTerm { negated, ..term });
+                negated = false;
             } else if let Some(room) = self.knowledge.words().rooms.find(word)
                 && room != "room"
             {
@@ -268,12 +285,16 @@ impl Parser<'_> {
             return;
         }
         let start = self.at;
+        // "one of the apples": any of them, unless more is said ("the largest one of the apples").
+        let any_of = self.tokens[start - 1] == "one" && entity.selections.is_empty() && entity.attributes.is_empty();
         self.at += 1;
-        if head.part_or_group || self.lenient && head.noun == Noun::Anything {
+        let group =
+            head.noun == Noun::Anything && self.peek().is_some_and(|word| matches!(word, "the" | "these" | "my"));
+        if head.part_or_group || group || self.lenient && head.noun == Noun::Anything {
             if let Some(mut whole) = self.parse_entity(depth + 1) {
                 whole.selections.append(&mut entity.selections);
                 whole.attributes.append(&mut entity.attributes);
-                whole.article = entity.article;
+                whole.article = if any_of && !self.lenient { Article::Indefinite } else { entity.article };
                 *entity = whole;
             }
             return;

@@ -2,5 +2,6 @@
 //! and any text at all gets a typed answer.
 
 mod cases;
+mod commands;
 pub(super) mod house;
 mod robustness;
