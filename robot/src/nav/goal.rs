@@ -28,14 +28,14 @@ pub struct StandRange {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct GoalConfig {
-    /// Distances from the outline of a target that is to be looked at. Default 0.45, 0.8, 2.0.
+    /// Distances from the outline of a target that is to be looked at. Default 0.45, 0.7, 2.0.
     pub view: StandRange,
     /// Distances from the centre of a target that is to be grasped. Default 0.45, 0.62, 0.9.
     pub reach: StandRange,
     /// Height of the camera that looks, metres. Default 1.25, range 0.1 to 2.5.
     #[schemars(range(min = 0.1, max = 2.5))]
     pub camera_height_m: f64,
-    /// How many metres of path one metre off the preferred distance is worth. Default 4, range 0 to 100.
+    /// How many metres of path one metre off the preferred distance is worth. Default 8, range 0 to 100.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub distance_weight: f64,
     /// How many metres of path a fully hidden target is worth. Default 3, range 0 to 100.
@@ -52,10 +52,10 @@ pub struct GoalConfig {
 impl Default for GoalConfig {
     fn default() -> Self {
         Self {
-            view: StandRange { min_m: 0.45, preferred_m: 0.8, max_m: 2.0 },
+            view: StandRange { min_m: 0.45, preferred_m: 0.7, max_m: 2.0 },
             reach: StandRange { min_m: 0.45, preferred_m: 0.62, max_m: 0.9 },
             camera_height_m: 1.25,
-            distance_weight: 4.0,
+            distance_weight: 8.0,
             hidden_weight_m: 3.0,
             spacing_m: 0.2,
             max_places: 16,

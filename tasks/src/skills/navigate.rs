@@ -13,6 +13,7 @@ const MAX_PLACES: usize = 4;
 
 /// Drives to a place from which the object is seen, and looks at it.
 pub fn navigate_to_object(agent: &mut Agent, nav: &NavConfig, id: ObjectId) -> Result<Outcome, Halt> {
+    let mut reached = false;
     for attempt in 0..MAX_PLACES {
         let Some(bounds) = agent.map().find_object(id).map(|o| o.bounds) else {
             return Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0)));
@@ -33,12 +34,38 @@ pub fn navigate_to_object(agent: &mut Agent, nav: &NavConfig, id: ObjectId) -> R
         };
         agent.gaze = Gaze::AHEAD;
         if Drive::to_pose(nav, place.pose).run(agent)? == DriveOutcome::Arrived {
-            agent.gaze = Gaze::Point(bounds.center);
+            let center = agent.map().find_object(id).map_or(bounds.center, |object| object.bounds.center);
+            agent.gaze = Gaze::Point(center);
             agent.rest(Span::from_s(1.5))?;
-            return Ok(Outcome::Done(format!("stands before object {}", id.0)));
+            reached = true;
+            if is_seen(agent, id) {
+                return Ok(Outcome::Done(format!("stands before object {}", id.0)));
+            }
+            agent.note(format!("does not see object {} from here", id.0));
         }
     }
-    Ok(Outcome::Failed(Stage::Planning, format!("{MAX_PLACES} places were tried and none was reached")))
+    Ok(match reached {
+        // The map says that it is here, and no place shows it better.
+        true => Outcome::Done(format!("stands before object {}, which is hidden from here", id.0)),
+        false => Outcome::Failed(Stage::Planning, format!("{MAX_PLACES} places were tried and none was reached")),
+    })
+}
+
+/// Whether the newest head frame shows enough of the object's points where the map has them.
+fn is_seen(agent: &Agent, id: ObjectId) -> bool {
+    const SAME_M: f64 = 0.06;
+    const MIN_POINTS: usize = 12;
+    let (Some(seen), Some(object)) = (agent.find_frame("head"), agent.map().find_object(id)) else { return false };
+    let frame = &seen.frame;
+    let camera_from_world = frame.world_from_camera.inverse();
+    let shows = |point: &dsm::map::MapPoint| {
+        let p = camera_from_world * point.position.cast::<f64>();
+        frame.model.find_pixel(&p).is_some_and(|(column, row)| {
+            let depth_m = f64::from(frame.depth_m[(row * frame.model.width + column) as usize]);
+            (depth_m - p.z).abs() < SAME_M
+        })
+    };
+    object.points.iter().filter(|point| shows(point)).count() >= MIN_POINTS.min(object.points.len() / 4)
 }
 
 /// Drives into a room.
