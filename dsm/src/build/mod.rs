@@ -30,6 +30,7 @@ mod window;
 
 pub use carrier::Carrier;
 pub use config::{BuildConfig, BuildConfigError};
+pub use relations::relate_all;
 
 use crate::Pose;
 use crate::frame::RgbdFrame;

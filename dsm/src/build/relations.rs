@@ -83,11 +83,31 @@ pub(super) fn relate(
                 &mut near,
             );
         }
-        near.sort_by(|a: &(f64, Relation), b| a.0.total_cmp(&b.0).then(a.1.to.cmp(&b.1.to)));
-        relations.extend(near.into_iter().take(NEAR_COUNT).map(|(_, relation)| relation));
+        keep_nearest(near, &mut relations);
     }
     relations.sort_by_key(|r| (r.from, r.to, r.kind));
     Some(MapChange::Relate { about: about.into_iter().collect(), relations })
+}
+
+/// All relations between objects whose boxes and upward faces (heights in metres) are known: the definitions of
+/// [`RelationKind`] without a builder, for example for true boxes.
+pub fn relate_all(config: &BuildConfig, knowledge: &Knowledge, objects: &[(MapObject, Vec<f64>)]) -> Vec<Relation> {
+    let mut relations = Vec::new();
+    for (from, from_surfaces) in objects {
+        let mut near = Vec::new();
+        for (to, to_surfaces) in objects.iter().filter(|(to, _)| to.id != from.id) {
+            relate_pair(config, knowledge, (from, from_surfaces), (to, to_surfaces), &mut relations, &mut near);
+        }
+        keep_nearest(near, &mut relations);
+    }
+    relations.sort_by_key(|r| (r.from, r.to, r.kind));
+    relations
+}
+
+/// Keeps the closest neighbours.
+fn keep_nearest(mut near: Vec<(f64, Relation)>, relations: &mut Vec<Relation>) {
+    near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.to.cmp(&b.1.to)));
+    relations.extend(near.into_iter().take(NEAR_COUNT).map(|(_, relation)| relation));
 }
 
 /// Distance from the lower face of `upper` to the closest surface of `lower`, if it rests there.

@@ -73,6 +73,14 @@ impl Window {
 
     /// Adds a view with its points and evicts what exceeds the window. Points count by the square of their accuracy.
     pub(super) fn add(&mut self, config: &BuildConfig, view: View, points: &[MapPoint], center: &Point3<f64>) {
+        if !config.window {
+            self.insert(points, 1.0, 1);
+            self.voxels.iter_mut().for_each(|v| v.fresh = false);
+            if self.voxels.len() > 3 * config.max_points {
+                self.coarsen(self.voxel_m * 2.0);
+            }
+            return;
+        }
         self.testify(&view, 1);
         let distance_m = (view.eye.cast::<f64>() - center).norm();
         let accuracy = depth_noise_m(0.0) / depth_noise_m(distance_m);
@@ -125,7 +133,11 @@ impl Window {
     fn kept_points(&self, config: &BuildConfig) -> Vec<MapPoint> {
         let kept = || self.voxels.iter().filter(|v| is_kept(v, config));
         let (sum, count) = kept().fold((0.0, 0), |(sum, count), v| (sum + v.weight, count + 1));
-        let fringe = if self.voxel_m < 0.015 { FRINGE } else { LARGE_FRINGE };
+        let fringe = match self.voxel_m {
+            _ if !config.window => 0.0,
+            voxel_m if voxel_m < 0.015 => FRINGE,
+            _ => LARGE_FRINGE,
+        };
         let least = fringe * sum / count.max(1) as f32;
         kept().filter(|v| v.weight >= least).map(Voxel::point).collect()
     }
