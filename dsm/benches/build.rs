@@ -1,4 +1,4 @@
-//! Map update at 640x480 with 20 detections on one thread, in a map of 20 objects and in one of 500.
+//! Map update at 640x480 with 20 detections on one thread, in maps of 20, 500 and 10 000 objects.
 
 #[path = "../tests/world/mod.rs"]
 mod world;
@@ -72,7 +72,7 @@ fn update(criterion: &mut Criterion) {
     let frames = frames(&cluttered_room());
     let count = frames.iter().map(|(_, d)| d.items.len()).sum::<usize>() / frames.len();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
-    for objects in [20, 500] {
+    for objects in [20, 500, 10_000] {
         let (mut map, mut builder) = grown(&frames, objects);
         let mut next = 0;
         criterion.bench_function(&format!("observe_640x480_{count}_detections_{objects}_objects"), |bencher| {

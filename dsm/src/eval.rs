@@ -1,4 +1,21 @@
-//! Truth, as an evaluator sees it. Nothing in the map or in grounding reads this.
+//! Truth, as an evaluator sees it, and what a map is worth against it. Nothing in the map or in grounding reads this.
+
+mod attributes;
+mod faults;
+mod matching;
+mod nearest;
+mod relations;
+mod rooms;
+mod scene;
+mod score;
+mod segmentation;
+mod statistics;
+
+pub use matching::{Matching, Verdict, match_objects};
+pub use scene::{SurfacePoint, TrueAttributes, TrueScene, TrueThing};
+pub use score::{MapScore, score_map};
+pub use segmentation::describe;
+pub use statistics::{Estimate, F1Count, MapReport, Mean, Share, pool};
 
 use crate::Pose;
 use crate::geometry::OrientedBox;

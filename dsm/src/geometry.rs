@@ -154,6 +154,17 @@ impl OrientedBox {
     }
 }
 
+/// The upright box around the points whose outline fits them best ([`rectangle_axis`]); `None` for none.
+pub fn upright_box_around(points: &[Point3<f64>]) -> Option<OrientedBox> {
+    let flat: Vec<Point2<f64>> = points.iter().map(|p| p.xy()).collect();
+    let hull = convex_hull(&flat);
+    let axis = rectangle_axis(&hull, &hull);
+    let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), axis.y.atan2(axis.x));
+    let turned: Vec<Point3<f64>> = points.iter().map(|p| rotation.inverse() * p).collect();
+    let bounds = Aabb::from_points(&turned)?;
+    Some(OrientedBox { center: rotation * bounds.center(), size: bounds.size(), rotation })
+}
+
 impl From<Aabb> for OrientedBox {
     fn from(aabb: Aabb) -> Self {
         Self { center: aabb.center(), size: aabb.size(), rotation: UnitQuaternion::identity() }

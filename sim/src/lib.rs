@@ -12,6 +12,7 @@
 pub mod camera;
 pub mod detect;
 pub mod physics;
+pub mod replay;
 pub mod robot;
 pub mod scene;
 pub mod world;

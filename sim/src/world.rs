@@ -6,7 +6,7 @@
 //!                                                                         └─truth (for the judge alone)
 //! ```
 
-mod imager;
+pub(crate) mod imager;
 mod placement;
 mod solids;
 mod truth;
@@ -20,6 +20,7 @@ use crate::camera::{
 pub use crate::detect::{DetectorPreset as Perception, LabelIds};
 use crate::detect::{SimDetector, label_channel};
 use crate::physics::{PhysicsConfig, PhysicsError, RapierPhysics, RobotBody, RobotStart, settle_scene};
+use crate::replay::Moment;
 use crate::robot::{LocalisationConfig, LocalisationNoise, SimRobot, SimRobotError};
 use crate::scene::{BodyMotion, SceneError, SceneModel, Semantics, SemanticsError, scene_file};
 use dsm::Pose;
@@ -33,7 +34,7 @@ use placement::{draw_placements, find_obstruction, find_start, scene_bounds};
 use solids::Column;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use thiserror::Error;
 use truth::{FLOOR_TOP_M, TruthSampler};
 
@@ -111,6 +112,8 @@ pub struct WorldConfig {
     pub physics: PhysicsConfig,
     /// Which label ids the cameras hand to the detector; they make no difference.
     pub label_ids: LabelIds,
+    /// Gets what is needed to see each image again; `None` by default.
+    pub recorder: Option<Sender<Moment>>,
 }
 
 /// A world at rest, ready to run.
@@ -258,7 +261,7 @@ fn connect(
         Perception::Noisy => (SensorModel::noisy(NoiseParameters::default())?, LocalisationNoise::Noisy),
         Perception::Oracle => (SensorModel::oracle(), LocalisationNoise::None),
     };
-    let imager = WorldImager::new(rig, sensor, labels, view_sender, seed);
+    let imager = WorldImager::new(rig, sensor, labels, view_sender, config.recorder.clone(), seed);
     let base = &robot.settings.base;
     let size_m = (base.footprint_radius_m, base.height_m);
     let mut sampler = TruthSampler::new(truth_sender, views, model, semantics, Solids::new(model)?, size_m);

@@ -10,10 +10,11 @@ use dsm::perceive::Detector;
 use dsm_robot::drivers::Robot;
 use dsm_robot::limited::Limited;
 use dsm_robot::model::RobotModel;
+use dsm_sim::replay::{Moment, Replay};
 use dsm_sim::world::{LabelIds, Perception, StartPose, World, WorldConfig};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, Sender};
 
 /// Folder of the robots that ship with the program, below the repository's root.
 const ROBOTS: &str = "robot/models";
@@ -34,7 +35,12 @@ pub struct Assembled {
 
 /// Builds everything that a run needs.
 pub fn assemble(spec: &RunSpec) -> Result<Assembled, TaskError> {
-    let (model, world) = load(spec)?;
+    assemble_recording(spec, None)
+}
+
+/// As [`assemble`]; `recorder` gets what is needed to see each image again.
+pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<Assembled, TaskError> {
+    let (model, world) = load(spec, recorder)?;
     let truth = world.truth_at_start();
     check_names(spec, &world)?;
     let bounds = model
@@ -56,18 +62,28 @@ pub fn assemble(spec: &RunSpec) -> Result<Assembled, TaskError> {
 
 /// Loads and checks all inputs of a run without beginning it.
 pub fn check(spec: &RunSpec) -> Result<(), TaskError> {
-    let (_, world) = load(spec)?;
+    let (_, world) = load(spec, None)?;
     check_names(spec, &world)
 }
 
-fn load(spec: &RunSpec) -> Result<(Arc<RobotModel>, World), TaskError> {
+fn load(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<(Arc<RobotModel>, World), TaskError> {
     let model = Arc::new(RobotModel::load(&find_robot(&spec.robot)?)?);
-    let perception = if spec.perception == "oracle" { Perception::Oracle } else { Perception::Noisy };
+    let perception = preset(spec);
     let label_ids = if spec.permute_labels { LabelIds::PermutedPerFrame } else { LabelIds::default() };
     let start = spec.episode.start.map(|s| StartPose { x_m: s.x_m, y_m: s.y_m, yaw_rad: s.yaw_rad });
-    let config = WorldConfig { seed: spec.seed, perception, start, label_ids, ..WorldConfig::default() };
+    let config = WorldConfig { seed: spec.seed, perception, start, label_ids, recorder, ..WorldConfig::default() };
     let world = World::load(&spec.scene, model.clone(), config)?;
     Ok((model, world))
+}
+
+fn preset(spec: &RunSpec) -> Perception {
+    if spec.perception == "oracle" { Perception::Oracle } else { Perception::Noisy }
+}
+
+/// The recorded drive of a run, ready to be seen again.
+pub fn replay(spec: &RunSpec) -> Result<Replay, TaskError> {
+    let model = Arc::new(RobotModel::load(&find_robot(&spec.robot)?)?);
+    Ok(Replay::load(&spec.scene, model, preset(spec), spec.seed)?)
 }
 
 /// The folder of a robot: a path as given, or the name of a robot that ships with the program.

@@ -27,3 +27,4 @@ pub mod run;
 pub mod settings;
 pub mod skills;
 pub mod summary;
+pub mod survey;

@@ -164,7 +164,7 @@ fn settle(agent: &mut Agent) {
 }
 
 /// Navigation within what the robot can do.
-fn nav_config(model: &RobotModel) -> NavConfig {
+pub(crate) fn nav_config(model: &RobotModel) -> NavConfig {
     // The follower stays a little below the limits, so that they need not correct it.
     const SHARE: f64 = 0.95;
     let base = &model.settings.base;

@@ -150,6 +150,10 @@ fn ground_truth_is_read_by_the_judge_alone() {
     assert_none(find(&sources, &reads, tasks_apart_from_judge), "truth is read in tasks/src/judge.rs alone");
     let handles = |path: &str| tasks_apart_from_judge(path) || path == "tasks/src/assemble.rs";
     assert_none(find(&sources, &["eval::Truth", "Truth"], handles), "truth is handed from assemble.rs to judge.rs");
+    // Scoring a map hands the truth from the replayed scene to the scores without looking into it.
+    let scores = |path: &str| !path.starts_with("tasks/src/") || path == "tasks/src/survey.rs";
+    let things = ["TrueScene", "TrueThing", "TrueAttributes", "SurfacePoint", "score_map", "match_objects"];
+    assert_none(find(&sources, &things, scores), "maps are scored in tasks/src/survey.rs alone");
     let robot = |path: &str| !path.starts_with("robot/");
     assert_none(find(&sources, &["eval::", "dsm::eval"], robot), "a robot knows no truth");
     let mapping = ["dsm/src/build/", "dsm/src/ground/", "dsm/src/perceive/", "dsm/src/map/"];

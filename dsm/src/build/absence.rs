@@ -3,12 +3,12 @@
 use super::config::BuildConfig;
 use super::draft::Draft;
 use super::observation::depth_noise_m;
-use super::track::Track;
+use super::tracks::Tracks;
 use crate::Pose;
 use crate::frame::RgbdFrame;
-use crate::map::{MapObject, ObjectId, ObjectState, RemovalReason};
+use crate::geometry::Aabb;
+use crate::map::{MapObject, ObjectState, RemovalReason};
 use nalgebra::Point3;
-use std::collections::BTreeMap;
 
 /// Points of an object that are tested.
 const SAMPLES: usize = 48;
@@ -30,13 +30,21 @@ enum Presence {
 pub(super) fn remove_absent(
     config: &BuildConfig,
     draft: &mut Draft,
-    tracks: &mut BTreeMap<ObjectId, Track>,
+    tracks: &mut Tracks,
     frame: &RgbdFrame,
     world_from_camera: &Pose,
 ) {
     let camera_from_world = world_from_camera.inverse();
+    let eye = Point3::from(world_from_camera.translation.vector);
+    // Farther away nothing is looked at; provisional objects die wherever they are.
+    let around = Aabb { min: eye, max: eye }.grown(1.5 * config.max_object_depth_m);
+    let mut asked = tracks.find_over(&around);
+    asked.extend(draft.provisional());
+    asked.sort_unstable();
+    asked.dedup();
     let mut gone = Vec::new();
-    for (&id, track) in tracks.iter_mut() {
+    for id in asked {
+        let Some(track) = tracks.find(id) else { continue };
         let Some(object) = draft.find(id) else { continue };
         if object.last_seen == frame.stamp {
             continue;
@@ -49,21 +57,23 @@ pub(super) fn remove_absent(
                 && center.x.abs() < 2.0 * (center.z + radius)
         };
         if in_range {
-            match presence(config, object, frame, &camera_from_world) {
+            let presence = presence(config, object, frame, &camera_from_world);
+            tracks.change(id, |track| match presence {
                 Presence::Absent => track.absent += 1,
                 Presence::Present => track.absent = 0,
                 Presence::Unknown => {}
-            }
+            });
         }
+        let absent = tracks.find(id).map_or(0, |track| track.absent);
         let age_s = (frame.stamp - object.last_seen).as_s();
-        if track.absent >= config.absent_frames {
+        if absent >= config.absent_frames {
             gone.push((id, RemovalReason::Absent));
         } else if object.state == ObjectState::Provisional && age_s > config.provisional_life_s {
             gone.push((id, RemovalReason::Unconfirmed));
         }
     }
     for (id, reason) in gone {
-        tracks.remove(&id);
+        tracks.remove(id);
         draft.remove(id, reason);
     }
 }

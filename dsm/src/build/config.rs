@@ -31,11 +31,14 @@ macro_rules! parameters {
             /// Whether the pose error of each frame is taken out by laying its observations onto the known objects.
             /// Default true.
             pub align: bool,
+            /// Whether shapes are voted on by the views of the sliding window; else all points that were ever fused stay.
+            /// Default true.
+            pub window: bool,
         }
 
         impl Default for BuildConfig {
             fn default() -> Self {
-                Self { $($name: $default,)* align: true }
+                Self { $($name: $default,)* align: true, window: true }
             }
         }
 

@@ -1,6 +1,6 @@
 //! The changes of one frame while they are made.
 
-use crate::map::{Map, MapChange, MapObject, ObjectId, RemovalReason};
+use crate::map::{Map, MapChange, MapObject, ObjectId, ObjectState, RemovalReason};
 use std::collections::BTreeMap;
 
 /// A view of the map with pending changes on top.
@@ -39,6 +39,12 @@ impl<'a> Draft<'a> {
     pub(super) fn remove(&mut self, id: ObjectId, reason: RemovalReason) {
         self.put.remove(&id);
         self.removed.insert(id, reason);
+    }
+
+    /// Objects that nothing has confirmed yet.
+    pub(super) fn provisional(&self) -> Vec<ObjectId> {
+        let known = self.map.objects.values().map(|object| &**object).chain(self.put.values());
+        known.filter(|object| object.state == ObjectState::Provisional).map(|object| object.id).collect()
     }
 
     /// Objects put so far.

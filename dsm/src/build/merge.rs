@@ -2,10 +2,10 @@
 
 use super::config::BuildConfig;
 use super::draft::Draft;
-use super::track::{Track, blend};
-use crate::map::{MapObject, ObjectId, ObjectState, RemovalReason};
+use super::track::Track;
+use super::tracks::Tracks;
+use crate::map::{MapObject, ObjectId, RemovalReason};
 use crate::perceive::cosine;
-use std::collections::{BTreeMap, BTreeSet};
 
 /// Common volume over the smaller box from which two objects of one name are one.
 const SAME_NAME_OVERLAP: f64 = 0.5;
@@ -20,25 +20,17 @@ const SAME_LOOK: f32 = 0.7;
 
 /// Merges every object of `changed` with what is the same thing. Each merge goes into the object with more
 /// observations (the older one at a tie); an object that already went is never a source or a target again.
-pub(super) fn merge_duplicates(
-    config: &BuildConfig,
-    draft: &mut Draft,
-    tracks: &mut BTreeMap<ObjectId, Track>,
-    changed: &[ObjectId],
-) {
+pub(super) fn merge_duplicates(config: &BuildConfig, draft: &mut Draft, tracks: &mut Tracks, changed: &[ObjectId]) {
     let mut open: Vec<ObjectId> = changed.iter().rev().copied().collect();
     while let Some(id) = open.pop() {
-        let Some(track) = tracks.get(&id) else { continue };
-        let rival = tracks
-            .iter()
-            .filter(|(other, t)| {
-                **other != id && t.aabb.grown(2.0 * config.pose_tolerance_m).find_intersection(&track.aabb).is_some()
-            })
-            .find(|(other, t)| match (draft.find(id), draft.find(**other)) {
-                (Some(a), Some(b)) => is_same(config, a, track, b, t),
+        let Some(track) = tracks.find(id) else { continue };
+        let near = tracks.find_near(&track.aabb.grown(2.0 * config.pose_tolerance_m));
+        let rival = near.into_iter().filter(|other| *other != id).find(|other| {
+            match (draft.find(id), draft.find(*other), tracks.find(*other)) {
+                (Some(a), Some(b), Some(other_track)) => is_same(config, a, track, b, other_track),
                 _ => false,
-            })
-            .map(|(other, _)| *other);
+            }
+        });
         let Some(rival) = rival else { continue };
         let rank = |id: ObjectId| draft.find(id).map_or(0, |object| object.observations);
         let (keep, go) = match rank(id).cmp(&rank(rival)) {
@@ -95,34 +87,17 @@ fn seen_together(a: &Track, b: &Track) -> usize {
     b.seen.iter().filter(|frame| a.seen.binary_search(frame).is_ok()).count()
 }
 
-fn merge(
-    config: &BuildConfig,
-    draft: &mut Draft,
-    tracks: &mut BTreeMap<ObjectId, Track>,
-    keep: ObjectId,
-    go: ObjectId,
-) -> bool {
+fn merge(config: &BuildConfig, draft: &mut Draft, tracks: &mut Tracks, keep: ObjectId, go: ObjectId) -> bool {
     let Some(source) = draft.find(go).cloned() else { return false };
     if draft.find(keep).is_none() {
         return false;
     }
-    let Some(gone) = tracks.remove(&go) else { return false };
-    let Some(track) = tracks.get_mut(&keep) else { return false };
+    let Some(gone) = tracks.remove(go) else { return false };
     let Some(target) = draft.edit(keep) else { return false };
-    track.window.absorb(config, gone.window, &track.aabb.center());
-    target.names.merge(&source.names);
-    target.attributes.merge(&source.attributes);
-    let part = source.observations as f32 / (source.observations + target.observations).max(1) as f32;
-    blend(&mut target.visual_feature, &source.visual_feature, part);
-    blend(&mut target.text_feature, &source.text_feature, part);
-    target.observations += source.observations;
-    track.seen = track.seen.iter().chain(&gone.seen).copied().collect::<BTreeSet<_>>().into_iter().collect();
-    target.first_seen = target.first_seen.min(source.first_seen);
-    target.last_seen = target.last_seen.max(source.last_seen);
-    if source.state == ObjectState::Stable || target.observations >= config.stable_observations {
-        target.state = ObjectState::Stable;
+    let merged = tracks.change(keep, |track| track.absorb(config, target, gone, &source));
+    if merged.is_none() {
+        return false;
     }
-    track.reshape(config, target);
     draft.remove(go, RemovalReason::MergedInto(keep));
     true
 }

@@ -2,10 +2,9 @@
 
 use super::draft::Draft;
 use super::observation::Observation;
-use super::track::Track;
-use crate::map::{ObjectId, ObjectState};
+use super::tracks::Tracks;
+use crate::map::ObjectState;
 use nalgebra::Point3;
-use std::collections::BTreeMap;
 
 /// Observations from which an object can speak against a merged mask.
 const KNOWN_FROM: u32 = 5;
@@ -19,12 +18,12 @@ const STRIDE: usize = 4;
 /// Whether the observation shows two known things as one: a quarter of its points lies in the box of one object, outside
 /// the box of the object that holds most of them. Such an observation teaches nothing and would grow one thing over the
 /// other.
-pub(super) fn shows_two(draft: &Draft, tracks: &BTreeMap<ObjectId, Track>, observation: &Observation) -> bool {
+pub(super) fn shows_two(draft: &Draft, tracks: &Tracks, observation: &Observation) -> bool {
     let points: Vec<Point3<f64>> = observation.points.iter().step_by(STRIDE).map(|p| p.position.cast()).collect();
     let known: Vec<Vec<bool>> = tracks
-        .iter()
-        .filter(|(_, track)| track.aabb.find_intersection(&observation.bounds).is_some())
-        .filter_map(|(id, _)| draft.find(*id))
+        .find_near(&observation.bounds)
+        .into_iter()
+        .filter_map(|id| draft.find(id))
         .filter(|object| object.state == ObjectState::Stable && object.observations >= KNOWN_FROM)
         .map(|object| points.iter().map(|p| object.bounds.contains(p, MARGIN_M)).collect())
         .collect();

@@ -13,6 +13,7 @@
 mod absence;
 mod align;
 mod associate;
+mod bounds;
 mod carrier;
 mod cell_grid;
 mod config;
@@ -25,11 +26,13 @@ mod outline;
 mod relations;
 mod rooms;
 mod track;
+mod tracks;
 mod view;
 mod window;
 
 pub use carrier::Carrier;
 pub use config::{BuildConfig, BuildConfigError};
+pub use relations::relate_all;
 
 use crate::Pose;
 use crate::frame::RgbdFrame;
@@ -43,9 +46,9 @@ use observation::{Encoders, Observation, find_observation};
 use occupancy::Occupancy;
 use rayon::prelude::*;
 use rooms::RoomSegmenter;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use track::Track;
+use tracks::Tracks;
 
 /// Names that are structure, not objects: they shape only the free space.
 const STRUCTURE: [&str; 5] = ["wall", "floor", "ceiling", "room", "ground"];
@@ -55,7 +58,7 @@ pub struct MapBuilder {
     config: BuildConfig,
     knowledge: Arc<Knowledge>,
     encoders: Encoders,
-    tracks: BTreeMap<ObjectId, Track>,
+    tracks: Tracks,
     occupancy: Occupancy,
     rooms: RoomSegmenter,
     next_id: u64,
@@ -81,7 +84,7 @@ impl MapBuilder {
             config,
             knowledge,
             encoders: Encoders { visual, text, describer },
-            tracks: BTreeMap::new(),
+            tracks: Tracks::default(),
             occupancy: Occupancy::default(),
             rooms: RoomSegmenter::default(),
             next_id: 0,
@@ -123,9 +126,18 @@ impl MapBuilder {
 
     /// Forgets objects that left the map and takes up those that it does not know.
     fn follow(&mut self, map: &Map) {
-        self.tracks.retain(|id, _| map.objects.contains_key(id));
+        // Both stand in order of identity, and as a rule they hold the same.
+        if self.tracks.ids().eq(map.objects.keys().copied()) {
+            return;
+        }
+        let gone: Vec<ObjectId> = self.tracks.ids().filter(|id| !map.objects.contains_key(id)).collect();
+        for id in gone {
+            self.tracks.remove(id);
+        }
         for (id, object) in &map.objects {
-            self.tracks.entry(*id).or_insert_with(|| Track::from_object(&self.config, object));
+            if self.tracks.find(*id).is_none() {
+                self.tracks.insert(*id, Track::from_object(&self.config, object));
+            }
             self.next_id = self.next_id.max(id.0 + 1);
         }
     }
@@ -148,22 +160,21 @@ impl MapBuilder {
     }
 
     fn associate(&self, draft: &Draft, observations: &[Observation]) -> Vec<Option<ObjectId>> {
-        let mut candidates: Vec<ObjectId> = Vec::new();
-        let mut scores = Vec::new();
-        for (id, track) in &self.tracks {
-            let reach = track.aabb.grown(2.0 * self.config.pose_tolerance_m);
-            for (index, observation) in observations.iter().enumerate() {
-                if reach.find_intersection(&observation.bounds).is_none() {
-                    continue;
-                }
-                let Some(object) = draft.find(*id) else { continue };
+        let mut passed: Vec<(ObjectId, usize, f64)> = Vec::new();
+        for (index, observation) in observations.iter().enumerate() {
+            for id in self.tracks.find_near(&observation.bounds.grown(2.0 * self.config.pose_tolerance_m)) {
+                let (Some(object), Some(track)) = (draft.find(id), self.tracks.find(id)) else { continue };
                 let score = associate::find_score(&self.config, observation, object, &track.aabb);
-                if let Some(score) = score.filter(|s| *s >= self.config.total_threshold) {
-                    if candidates.last() != Some(id) {
-                        candidates.push(*id);
-                    }
-                    scores.push((index, candidates.len() - 1, score));
-                }
+                passed.extend(score.filter(|s| *s >= self.config.total_threshold).map(|s| (id, index, s)));
+            }
+        }
+        passed.sort_by_key(|(id, index, _)| (*id, *index));
+        let mut candidates: Vec<ObjectId> = passed.iter().map(|(id, _, _)| *id).collect();
+        candidates.dedup();
+        let mut scores = Vec::with_capacity(passed.len());
+        for (id, index, score) in passed {
+            if let Ok(candidate) = candidates.binary_search(&id) {
+                scores.push((index, candidate, score));
             }
         }
         let assigned = associate::assign(observations.len(), candidates.len(), &scores);
@@ -204,8 +215,8 @@ impl MapBuilder {
                 continue;
             }
             if let Some(id) = id {
-                if let (Some(track), Some(object)) = (self.tracks.get_mut(&id), draft.edit(id)) {
-                    track.fuse(&self.config, object, frame.stamp, observation);
+                if let Some(object) = draft.edit(id) {
+                    self.tracks.change(id, |track| track.fuse(&self.config, object, frame.stamp, observation));
                     touched.push(id);
                 }
             } else {
@@ -235,10 +246,10 @@ impl MapBuilder {
             if let Some(MapChange::Cells(cells)) = cells {
                 cells.iter().for_each(|(cell, state)| free.set(*cell, *state));
             }
-            let objects = self.tracks.keys().filter_map(|id| draft.find(*id));
+            let objects = self.tracks.ids().filter_map(|id| draft.find(id));
             self.rooms.divide(&self.config, &self.knowledge, frame.stamp, &free, &self.occupancy, objects)
         });
-        let moved: Vec<ObjectId> = if due { self.tracks.keys().copied().collect() } else { draft.edited() };
+        let moved: Vec<ObjectId> = if due { self.tracks.ids().collect() } else { draft.edited() };
         for id in moved {
             let Some(object) = draft.find(id) else { continue };
             let room = self.rooms.find_room(&map.free_space, &object.bounds.center.xy());

@@ -78,7 +78,7 @@ pub(super) fn find_observation(
         visual_feature: encoders.visual.encode(&object_view),
         text_feature: encoders.text.encode(&detection.name),
         attributes: encoders.describer.describe(&object_view),
-        view: View::new(frame, &mask),
+        view: View::new(frame, &mask, depth),
         points,
         bounds,
         distance_m: depth,
@@ -135,7 +135,7 @@ impl MaskBitmap {
     }
 
     /// Pixels to leave out at the border, where masks and depth mix two surfaces.
-    fn erosion(&self) -> isize {
+    pub(super) fn erosion(&self) -> isize {
         match self.area {
             0..400 => 1,
             _ => 2,

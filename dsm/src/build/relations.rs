@@ -2,11 +2,11 @@
 
 use super::config::BuildConfig;
 use super::draft::Draft;
-use super::track::Track;
+use super::tracks::Tracks;
 use crate::geometry::{distance_m, intersection_area_m2};
 use crate::knowledge::Knowledge;
 use crate::map::{MapChange, MapObject, ObjectId, ObjectState, Relation, RelationKind};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 /// Footprint overlap over the smaller footprint from which one thing is over another.
 const OVERLAP: f64 = 0.3;
@@ -32,18 +32,18 @@ pub(super) fn relate(
     config: &BuildConfig,
     knowledge: &Knowledge,
     draft: &Draft,
-    tracks: &mut BTreeMap<ObjectId, Track>,
+    tracks: &mut Tracks,
 ) -> Option<MapChange> {
     let mut changed = Vec::new();
     for id in draft.edited() {
-        let (Some(object), Some(track)) = (draft.find(id), tracks.get_mut(&id)) else { continue };
+        let (Some(object), Some(track)) = (draft.find(id), tracks.find(id)) else { continue };
         let same = track.related.as_ref().is_some_and(|(bounds, name)| {
             name == object.name()
                 && (bounds.center - object.bounds.center).norm() < MOVED_M
                 && (bounds.size - object.bounds.size).norm() < MOVED_M
         });
         if object.state == ObjectState::Stable && !same {
-            track.related = Some((object.bounds, object.name().to_owned()));
+            tracks.change(id, |track| track.related = Some((object.bounds, object.name().to_owned())));
             changed.push(id);
         }
     }
@@ -53,27 +53,25 @@ pub(super) fn relate(
     let reach = config.near_m.max(SEMANTIC_M);
     let stable = |id: &ObjectId| draft.find(*id).is_some_and(|o| o.state == ObjectState::Stable);
     let neighbours = |id: ObjectId| -> Vec<ObjectId> {
-        let Some(grown) = tracks.get(&id).map(|t| t.aabb.grown(reach)) else { return Vec::new() };
+        let Some(grown) = tracks.find(id).map(|t| t.aabb.grown(reach)) else { return Vec::new() };
         // Above and below reach further than near: let height not gate.
-        let overlaps = |t: &Track| {
+        let overlaps = |t: &super::track::Track| {
             (0..2).all(|i| grown.min[i] <= t.aabb.max[i] && t.aabb.min[i] <= grown.max[i])
                 && t.aabb.min.z <= grown.max.z + ABOVE_REACH_M
                 && grown.min.z - ABOVE_REACH_M <= t.aabb.max.z
         };
-        tracks
-            .iter()
-            .filter(|(other, t)| **other != id && overlaps(t) && stable(other))
-            .map(|(other, _)| *other)
-            .collect()
+        let mut found = tracks.find_over(&grown);
+        found.retain(|other| *other != id && tracks.find(*other).is_some_and(overlaps) && stable(other));
+        found
     };
     let mut about: BTreeSet<ObjectId> = changed.iter().copied().collect();
     changed.iter().for_each(|id| about.extend(neighbours(*id)));
     let mut relations = Vec::new();
     for &id in &about {
-        let (Some(from), Some(track)) = (draft.find(id), tracks.get(&id)) else { continue };
+        let (Some(from), Some(track)) = (draft.find(id), tracks.find(id)) else { continue };
         let mut near = Vec::new();
         for other in neighbours(id) {
-            let (Some(to), Some(to_track)) = (draft.find(other), tracks.get(&other)) else { continue };
+            let (Some(to), Some(to_track)) = (draft.find(other), tracks.find(other)) else { continue };
             relate_pair(
                 config,
                 knowledge,
@@ -83,11 +81,31 @@ pub(super) fn relate(
                 &mut near,
             );
         }
-        near.sort_by(|a: &(f64, Relation), b| a.0.total_cmp(&b.0).then(a.1.to.cmp(&b.1.to)));
-        relations.extend(near.into_iter().take(NEAR_COUNT).map(|(_, relation)| relation));
+        keep_nearest(near, &mut relations);
     }
     relations.sort_by_key(|r| (r.from, r.to, r.kind));
     Some(MapChange::Relate { about: about.into_iter().collect(), relations })
+}
+
+/// All relations between objects whose boxes and upward faces (heights in metres) are known: the definitions of
+/// [`RelationKind`] without a builder, for example for true boxes.
+pub fn relate_all(config: &BuildConfig, knowledge: &Knowledge, objects: &[(MapObject, Vec<f64>)]) -> Vec<Relation> {
+    let mut relations = Vec::new();
+    for (from, from_surfaces) in objects {
+        let mut near = Vec::new();
+        for (to, to_surfaces) in objects.iter().filter(|(to, _)| to.id != from.id) {
+            relate_pair(config, knowledge, (from, from_surfaces), (to, to_surfaces), &mut relations, &mut near);
+        }
+        keep_nearest(near, &mut relations);
+    }
+    relations.sort_by_key(|r| (r.from, r.to, r.kind));
+    relations
+}
+
+/// Keeps the closest neighbours.
+fn keep_nearest(mut near: Vec<(f64, Relation)>, relations: &mut Vec<Relation>) {
+    near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.to.cmp(&b.1.to)));
+    relations.extend(near.into_iter().take(NEAR_COUNT).map(|(_, relation)| relation));
 }
 
 /// Distance from the lower face of `upper` to the closest surface of `lower`, if it rests there.

@@ -8,7 +8,7 @@ use crate::geometry::{Aabb, OrientedBox};
 use crate::map::{MapObject, ObjectId, ObjectState, Votes};
 use crate::perceive::normalize;
 use crate::time::Stamp;
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 
 /// Frames remembered to tell two things seen together from one thing seen twice.
 const SEEN_FRAMES: usize = 64;
@@ -99,6 +99,24 @@ impl Track {
             object.state = ObjectState::Stable;
         }
         self.reshape(config, object)
+    }
+
+    /// Takes over all that is known of another object, which is the same thing.
+    pub(super) fn absorb(&mut self, config: &BuildConfig, target: &mut MapObject, gone: Self, source: &MapObject) {
+        self.window.absorb(config, gone.window, &self.aabb.center());
+        target.names.merge(&source.names);
+        target.attributes.merge(&source.attributes);
+        let part = source.observations as f32 / (source.observations + target.observations).max(1) as f32;
+        blend(&mut target.visual_feature, &source.visual_feature, part);
+        blend(&mut target.text_feature, &source.text_feature, part);
+        target.observations += source.observations;
+        self.seen = self.seen.iter().chain(&gone.seen).copied().collect::<BTreeSet<_>>().into_iter().collect();
+        target.first_seen = target.first_seen.min(source.first_seen);
+        target.last_seen = target.last_seen.max(source.last_seen);
+        if source.state == ObjectState::Stable || target.observations >= config.stable_observations {
+            target.state = ObjectState::Stable;
+        }
+        self.reshape(config, target);
     }
 
     /// Reads the shape off the window into the object; false when nothing is left.

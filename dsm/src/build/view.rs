@@ -25,6 +25,8 @@ pub(super) struct View {
     pub(super) frame: FrameId,
     /// Position of the camera, world frame.
     pub(super) eye: Point3<f32>,
+    /// What the eroded border of the mask is worth at the object, metres.
+    pub(super) lost_m: f32,
     camera_from_world: Matrix3<f32>,
     translation: Vector3<f32>,
     model: CameraModel,
@@ -39,7 +41,7 @@ pub(super) struct View {
 
 impl View {
     /// Copies mask and depth around the mask, with a margin of a quarter of its size, where misplaced points show.
-    pub(super) fn new(frame: &RgbdFrame, mask: &MaskBitmap) -> Self {
+    pub(super) fn new(frame: &RgbdFrame, mask: &MaskBitmap, depth_m: f64) -> Self {
         let (width, height) = (frame.model.width as isize, frame.model.height as isize);
         let margin = (mask.columns.max(mask.rows) / 4 + 4) as isize;
         let c0 = (mask.first_column as isize - margin).max(0);
@@ -62,6 +64,7 @@ impl View {
         Self {
             frame: frame.id,
             eye: Point3::from(frame.world_from_camera.translation.vector).cast(),
+            lost_m: (mask.erosion() as f64 * depth_m / frame.model.fx) as f32,
             camera_from_world: camera_from_world.rotation.to_rotation_matrix().into_inner(),
             translation: camera_from_world.translation.vector,
             model: frame.model,

@@ -5,12 +5,13 @@
 //! chances agree on. Counts are kept up to date by adding the newest view and taking the evicted one back, so one
 //! observation costs two tests per voxel, however long the window is.
 
+use super::bounds::{Seen, upright_box};
 use super::config::BuildConfig;
-use super::observation::{depth_noise_m, find_percentiles, robust_aabb};
+use super::observation::{depth_noise_m, robust_aabb};
 use super::view::{Evidence, View};
-use crate::geometry::{Aabb, OrientedBox, convex_hull, rectangle_axis};
+use crate::geometry::{Aabb, OrientedBox};
 use crate::map::MapPoint;
-use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Vector2};
 
 /// Tolerance of a voxel test beside the voxel's size and the depth noise: the pose error within the window, metres.
 const POSE_TOLERANCE_M: f32 = 0.015;
@@ -73,6 +74,14 @@ impl Window {
 
     /// Adds a view with its points and evicts what exceeds the window. Points count by the square of their accuracy.
     pub(super) fn add(&mut self, config: &BuildConfig, view: View, points: &[MapPoint], center: &Point3<f64>) {
+        if !config.window {
+            self.insert(points, 1.0, 1);
+            self.voxels.iter_mut().for_each(|v| v.fresh = false);
+            if self.voxels.len() > 3 * config.max_points {
+                self.coarsen(self.voxel_m * 2.0);
+            }
+            return;
+        }
         self.testify(&view, 1);
         let distance_m = (view.eye.cast::<f64>() - center).norm();
         let accuracy = depth_noise_m(0.0) / depth_noise_m(distance_m);
@@ -112,7 +121,7 @@ impl Window {
             self.coarsen(wanted);
             points = self.kept_points(config);
         }
-        let bounds = upright_box(&points, &aabb, f64::from(self.voxel_m))?;
+        let bounds = upright_box(&points, &aabb, f64::from(self.voxel_m), &self.seen(&aabb.center()))?;
         let surfaces = find_surfaces(&points, &bounds, f64::from(self.voxel_m));
         if points.len() > config.max_points {
             let step = points.len() as f64 / config.max_points as f64;
@@ -121,11 +130,26 @@ impl Window {
         Some(Shape { points, bounds, aabb, surfaces })
     }
 
+    /// From where the views of the window look at a place.
+    fn seen(&self, center: &Point3<f64>) -> Seen {
+        let towards = |view: &View| (view.eye.cast::<f64>() - center).xy().try_normalize(1e-6);
+        let sum = self.views.iter().filter_map(towards).fold(Vector2::zeros(), |sum, direction| sum + direction);
+        let lost_m = self.views.iter().map(|view| view.lost_m).fold(f32::INFINITY, f32::min);
+        Seen {
+            towards: sum / self.views.len().max(1) as f64,
+            lost_m: if lost_m.is_finite() { f64::from(lost_m) } else { 0.0 },
+        }
+    }
+
     /// Points of the voxels that enough views agree on and that are no fringe.
     fn kept_points(&self, config: &BuildConfig) -> Vec<MapPoint> {
         let kept = || self.voxels.iter().filter(|v| is_kept(v, config));
         let (sum, count) = kept().fold((0.0, 0), |(sum, count), v| (sum + v.weight, count + 1));
-        let fringe = if self.voxel_m < 0.015 { FRINGE } else { LARGE_FRINGE };
+        let fringe = match self.voxel_m {
+            _ if !config.window => 0.0,
+            voxel_m if voxel_m < 0.015 => FRINGE,
+            _ => LARGE_FRINGE,
+        };
         let least = fringe * sum / count.max(1) as f32;
         kept().filter(|v| v.weight >= least).map(Voxel::point).collect()
     }
@@ -253,31 +277,6 @@ fn voxel_size_m(extent: &Aabb) -> f32 {
         size if size < 1.2 => 0.02,
         _ => 0.04,
     }
-}
-
-/// The upright box with the rectangle of least area, between the 1st and 99th percentile along its axes.
-fn upright_box(points: &[MapPoint], aabb: &Aabb, voxel_m: f64) -> Option<OrientedBox> {
-    let margin = 0.5 * voxel_m;
-    let flat: Vec<Point2<f64>> = points
-        .iter()
-        .map(|p| p.position.cast::<f64>().xy())
-        .filter(|p| (0..2).all(|i| p[i] >= aabb.min[i] - margin && p[i] <= aabb.max[i] + margin))
-        .collect();
-    let axis = rectangle_axis(&flat, &convex_hull(&flat));
-    let yaw_rad = axis.y.atan2(axis.x).rem_euclid(std::f64::consts::FRAC_PI_2);
-    let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
-    let box_from_world = rotation.inverse().cast::<f32>();
-    let mut low = Vector3::zeros();
-    let mut high = Vector3::zeros();
-    let turned: Vec<Point3<f32>> = points.iter().map(|p| box_from_world * p.position).collect();
-    let mut values: Vec<f32> = Vec::with_capacity(turned.len());
-    for i in 0..3 {
-        values.clear();
-        values.extend(turned.iter().map(|p| p[i]));
-        (low[i], high[i]) = find_percentiles(&mut values)?;
-    }
-    let size = (high - low).map(|side| side.max(0.5 * voxel_m));
-    Some(OrientedBox { center: rotation * Point3::from((low + high) * 0.5), size, rotation })
 }
 
 /// Heights where the points of a thin slice cover a share of the footprint: boards, seats, the top.

@@ -2,7 +2,7 @@
 
 use super::free_space::{CellState, FreeSpace};
 use super::object::{MapObject, ObjectId};
-use super::relation::Relation;
+use super::relation::{Relation, RelationKind};
 use super::room::Room;
 use crate::time::Stamp;
 use serde::{Deserialize, Serialize};
@@ -37,6 +37,24 @@ pub enum MapChange {
     Rooms(Vec<Room>),
     /// Sets cells of the free space, in whole cells from the world's origin.
     Cells(Vec<([i32; 2], CellState)>),
+}
+
+fn key(relation: &Relation) -> (ObjectId, ObjectId, RelationKind) {
+    (relation.from, relation.to, relation.kind)
+}
+
+/// Two sorted lists as one.
+fn merge_sorted(first: impl Iterator<Item = Relation>, second: impl Iterator<Item = Relation>) -> Vec<Relation> {
+    let (mut first, mut second) = (first.peekable(), second.peekable());
+    let mut merged = Vec::with_capacity(first.size_hint().0 + second.size_hint().0);
+    while let Some(next) = match (first.peek(), second.peek()) {
+        (Some(a), Some(b)) if key(b) < key(a) => second.next(),
+        (Some(_), _) => first.next(),
+        (None, _) => second.next(),
+    } {
+        merged.push(next);
+    }
+    merged
 }
 
 /// The changes that follow from one frame.
@@ -105,13 +123,11 @@ impl Map {
                 }
                 MapChange::Relate { about, relations } => {
                     let about: BTreeSet<_> = about.into_iter().collect();
-                    self.relations.retain(|r| !about.contains(&r.from));
-                    self.relations.extend(
-                        relations
-                            .into_iter()
-                            .filter(|r| self.objects.contains_key(&r.from) && self.objects.contains_key(&r.to)),
-                    );
-                    self.relations.sort_by_key(|r| (r.from, r.to, r.kind));
+                    let known = |r: &Relation| self.objects.contains_key(&r.from) && self.objects.contains_key(&r.to);
+                    let mut new: Vec<Relation> = relations.into_iter().filter(known).collect();
+                    new.sort_by_key(key);
+                    let kept = std::mem::take(&mut self.relations).into_iter().filter(|r| !about.contains(&r.from));
+                    self.relations = merge_sorted(kept, new.into_iter());
                 }
                 MapChange::Rooms(rooms) => self.rooms = rooms,
                 MapChange::Cells(cells) => cells.into_iter().for_each(|(cell, state)| self.free_space.set(cell, state)),

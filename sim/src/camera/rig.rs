@@ -10,6 +10,7 @@ use dsm::raster::{
     Image, Instance, Material, MaterialIndex, MeshError, MeshIndex, RenderOptions, Renderer, Scene, Texture,
     TextureError, TextureIndex,
 };
+use nalgebra::Point3;
 use thiserror::Error;
 
 /// Colour, depth and labels without any noise.
@@ -141,6 +142,16 @@ impl CameraRig {
             self.scene.cast_shadows(light);
         }
         self.renderer.render_into(&self.scene, model, world_from_camera, &self.options, image);
+    }
+
+    /// Calls `visit` with the index of a scene body and a triangle of it, in the body's frame, for all that is drawn.
+    pub(crate) fn visit_triangles(&self, mut visit: impl FnMut(usize, [Point3<f64>; 3])) {
+        for (instance, (carrier, body_from_shape)) in self.scene.instances.iter().zip(&self.carried) {
+            let Carrier::Body(body) = *carrier else { continue };
+            let mesh = self.scene.mesh(instance.mesh);
+            let corner = |vertex: u32| body_from_shape * mesh.positions()[vertex as usize].cast::<f64>();
+            mesh.indices().iter().for_each(|triangle| visit(body, triangle.map(corner)));
+        }
     }
 
     /// Number of triangles.

@@ -7,6 +7,7 @@ use dsm::camera::CameraModel;
 use dsm::frame::{FrameId, RgbdFrame};
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::{Cameras, DriverError};
+use dsm_robot::joints::JointPositions;
 use dsm_robot::model::RobotModel;
 use std::sync::Arc;
 
@@ -25,6 +26,12 @@ pub struct CaptureRequest<'a> {
     pub world_from_links: &'a [Pose],
     /// True pose of the camera.
     pub world_from_camera: Pose,
+    /// When the image is taken.
+    pub stamp: Stamp,
+    /// True pose of the robot's base.
+    pub world_from_base: Pose,
+    /// True positions of the robot's joints.
+    pub joints: &'a JointPositions,
 }
 
 /// Colour and depth as the sensor gives them, row-major.
@@ -48,6 +55,8 @@ struct Capture {
     stamp: Stamp,
     world_from_bodies: Vec<Pose>,
     world_from_links: Vec<Pose>,
+    world_from_base: Pose,
+    joints: JointPositions,
     /// Believed pose of the camera.
     world_from_camera: Pose,
 }
@@ -107,6 +116,8 @@ impl SimCameras {
                 stamp: now,
                 world_from_bodies: (0..self.body_count).map(|body| physics.world_from_body(body)).collect(),
                 world_from_links: (0..links).map(|link| physics.world_from_link(link)).collect(),
+                world_from_base: physics.world_from_base(),
+                joints: physics.joint_positions(),
                 world_from_camera: believed_world_from_base * base_from_camera,
             });
             self.next_id += 1;
@@ -131,6 +142,9 @@ impl Cameras for SimCameras {
             world_from_bodies: &capture.world_from_bodies,
             world_from_links: &capture.world_from_links,
             world_from_camera: capture.world_from_links[found.link],
+            stamp: capture.stamp,
+            world_from_base: capture.world_from_base,
+            joints: &capture.joints,
         });
         Ok(Some(RgbdFrame {
             id: capture.id,

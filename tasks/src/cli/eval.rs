@@ -1,7 +1,7 @@
 //! `dsm eval grounding`: measures grounding over known boxes.
 
 use super::output::to_json;
-use super::{Output, ResultArgs};
+use super::{Output, ResultArgs, eval_map};
 use crate::error::TaskError;
 use dsm::eval_grounding::{Report, evaluate, find_contradiction, read_queries, read_scenes};
 use dsm::ground::{GroundConfig, Grounder};
@@ -15,6 +15,8 @@ use std::time::Instant;
 pub enum EvalCommand {
     /// Referring expressions over known boxes: one scene and one query a line (JSON).
     Grounding(GroundingArgs),
+    /// Maps against ground truth: each scene and seed is explored once, and its frames are mapped at each pose noise.
+    Map(eval_map::MapArgs),
 }
 
 /// Arguments of `dsm eval grounding`.
@@ -35,7 +37,13 @@ pub struct GroundingArgs {
 
 /// Measures; code 0 once it has measured.
 pub(super) fn run(command: EvalCommand) -> anyhow::Result<u8> {
-    let EvalCommand::Grounding(args) = command;
+    match command {
+        EvalCommand::Grounding(args) => run_grounding(args),
+        EvalCommand::Map(args) => eval_map::run(args),
+    }
+}
+
+fn run_grounding(args: GroundingArgs) -> anyhow::Result<u8> {
     let scenes = read_scenes(&read(&args.scenes)?)
         .map_err(|error| TaskError::Usage(format!("{}: {error}", args.scenes.display())))?;
     let queries = read_queries(&read(&args.queries)?)

@@ -3,6 +3,7 @@
 mod bench;
 mod check;
 mod eval;
+mod eval_map;
 mod explore;
 mod ground;
 mod info;

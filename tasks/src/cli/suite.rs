@@ -93,7 +93,7 @@ pub(super) struct Suite {
     totals: Totals,
 }
 
-fn parse_seeds(text: &str) -> Result<(u64, u64), String> {
+pub(super) fn parse_seeds(text: &str) -> Result<(u64, u64), String> {
     let expected = || format!("expected A..B with A < B, for example 0..10, got `{text}`");
     let (a, b) = text.split_once("..").ok_or_else(expected)?;
     let (a, b) = (a.trim().parse::<u64>().map_err(|_| expected())?, b.trim().parse::<u64>().map_err(|_| expected())?);

@@ -1,0 +1,111 @@
+//! Maps against truth: a scene is explored once; its frames are then seen again and mapped under each condition.
+//!
+//! ```text
+//! drive: world, robot, exploration ──▶ moments ──Replay──▶ frames, detections ──pose noise──▶ builders ──▶ maps ──▶ scores
+//!                                                   └──▶ TrueScene (only handed to the scores) ─────────────────────┘
+//! ```
+
+use crate::agent::{Agent, AgentConfig, Halt, Parts};
+use crate::assemble::{Assembled, assemble_recording, knowledge, replay};
+use crate::error::TaskError;
+use crate::perception::Perception;
+use crate::run::{CELL_M, RunSpec, nav_config};
+use crate::skills::explore::{Explorer, Interest};
+use dsm::build::{BuildConfig, Carrier, MapBuilder};
+use dsm::eval::{MapScore, score_map};
+use dsm::geometry::OrientedBox;
+use dsm::map::Map;
+use dsm::time::Stamp;
+use dsm_sim::replay::{Moment, PoseWander, Shown};
+use nalgebra::Point2;
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::channel;
+
+/// One way to map the frames of a drive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Condition {
+    /// Deviation of the camera's believed position along each axis, metres; attitude goes with it, 0.2 degrees per
+    /// centimetre.
+    pub pose_noise_m: f64,
+    /// How maps are built.
+    pub build: BuildConfig,
+}
+
+/// Explores the scene of `spec` within its time limit and gives what is needed to see every frame again.
+pub fn drive(spec: &RunSpec, interrupted: Arc<AtomicBool>) -> Result<Vec<Moment>, TaskError> {
+    let (sender, moments) = channel();
+    let Assembled { robot, model, detector, truth, .. } = assemble_recording(spec, Some(sender))?;
+    let config = AgentConfig::default();
+    let map = Map::new(CELL_M);
+    let builder = MapBuilder::new(BuildConfig::default(), knowledge()?);
+    let perception = Perception::start(detector, builder, map.clone(), None, config.mapping_latency);
+    // Nobody judges this run.
+    drop(truth);
+    let deadline = Stamp::from_s(spec.time_limit_s);
+    let on_tick = Box::new(|| {});
+    let parts = Parts { robot, model: model.clone(), perception, map, deadline, interrupted, on_tick };
+    let mut agent = Agent::new(parts, config);
+    let interest = Interest { enough: &mut |_| false, inspect: &|_| Vec::new() };
+    let explored = Explorer::new(nav_config(&model)).run(&mut agent, deadline, interest);
+    agent.finish()?;
+    match explored {
+        Err(Halt::Failed(error)) => Err(error),
+        Err(Halt::Stopped(error)) => Err(TaskError::Internal(format!("the drive through the scene stopped: {error}"))),
+        Ok(_) | Err(Halt::TimeUp | Halt::Interrupted) => Ok(moments.iter().collect()),
+    }
+}
+
+/// One map under construction.
+struct Mapping<'a> {
+    condition: &'a Condition,
+    builder: MapBuilder,
+    map: Map,
+}
+
+impl Mapping<'_> {
+    fn observe(&mut self, shown: &Shown, wander: &PoseWander, radius_m: f64) {
+        let error = wander.error(self.condition.pose_noise_m, &shown.frame.world_from_camera);
+        let mut frame = shown.frame.clone();
+        frame.world_from_camera = error * frame.world_from_camera;
+        let body = |b: &OrientedBox| OrientedBox {
+            center: error * b.center,
+            size: b.size,
+            rotation: error.rotation * b.rotation,
+        };
+        let base = error * shown.world_from_base;
+        let carrier = Carrier {
+            bodies: shown.robot.iter().map(body).collect(),
+            footprint: Some((Point2::from(base.translation.vector.xy()), radius_m)),
+        };
+        let update = self.builder.observe(&self.map, &frame, &shown.detections, &carrier);
+        self.map.apply(update);
+    }
+}
+
+/// Maps the frames of a drive under every condition and scores the maps, in the order of the conditions.
+pub fn score_drive(spec: &RunSpec, moments: &[Moment], conditions: &[Condition]) -> Result<Vec<MapScore>, TaskError> {
+    let knowledge = knowledge()?;
+    let mut replay = replay(spec)?;
+    let radius_m = replay.robot().settings.base.footprint_radius_m;
+    let mut mappings: Vec<Mapping<'_>> = conditions
+        .iter()
+        .map(|condition| Mapping {
+            condition,
+            builder: MapBuilder::new(condition.build.clone(), knowledge.clone()),
+            map: Map::new(CELL_M),
+        })
+        .collect();
+    let mut wander = PoseWander::new(spec.seed);
+    let mut next = moments.first().map(|moment| replay.show(moment));
+    for (index, moment) in moments.iter().enumerate() {
+        let Some(shown) = next.take() else { break };
+        wander.advance(moment.stamp);
+        // The next frame is drawn while this one is mapped.
+        let map = || mappings.par_iter_mut().for_each(|mapping| mapping.observe(&shown, &wander, radius_m));
+        next = rayon::join(|| moments.get(index + 1).map(|later| replay.show(later)), map).0;
+    }
+    let truth = replay.finish();
+    Ok(mappings.par_iter().map(|m| score_map(&m.map, &truth, &m.condition.build, &knowledge)).collect())
+}
