@@ -4,7 +4,9 @@ use super::output::prepare_scene_folder;
 use super::{Output, ResultArgs};
 use crate::error::TaskError;
 use dsm::store::write_atomically;
-use dsm_sim::scene::{GeneratedScene, HomeConfig, ImportError, Located, RobotSize, check_scene, generate_home, import_ithor};
+use dsm_sim::scene::{
+    GeneratedScene, HomeConfig, ImportError, Located, RobotSize, check_scene, generate_home, import_ithor,
+};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

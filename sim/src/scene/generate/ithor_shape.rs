@@ -19,9 +19,28 @@ const SEATS: &[&str] = &["sofa", "arm chair", "bed"];
 const OPEN_TOPS: &[&str] = &["sink", "bathtub", "garbage can", "box", "laundry hamper", "basket", "dog bed"];
 const VOLUMES: &[&str] = &["shelf"];
 const ROUND: &[&str] = &[
-    "bowl", "mug", "cup", "bottle", "wine bottle", "vase", "pot", "plate", "toilet paper", "paper towel roll", "candle",
-    "salt shaker", "pepper shaker", "soap bottle", "spray bottle", "stove burner", "plunger", "scrub brush", "statue", "kettle",
-    "watering can", "stove knob",
+    "bowl",
+    "mug",
+    "cup",
+    "bottle",
+    "wine bottle",
+    "vase",
+    "pot",
+    "plate",
+    "toilet paper",
+    "paper towel roll",
+    "candle",
+    "salt shaker",
+    "pepper shaker",
+    "soap bottle",
+    "spray bottle",
+    "stove burner",
+    "plunger",
+    "scrub brush",
+    "statue",
+    "kettle",
+    "watering can",
+    "stove knob",
 ];
 const BALLS: &[&str] = &["apple", "tomato", "potato", "egg", "lettuce", "basket ball", "teddy bear", "bread"];
 
@@ -71,7 +90,8 @@ fn face_room(block: &Block, room: &Rect) -> Block {
         // A back close to a wall is a back.
         let back = [-yaw.sin(), yaw.cos()];
         let gap = |axis: usize| {
-            let reach = if back[axis] >= 0.0 { room.max[axis] - block.at[axis] } else { block.at[axis] - room.min[axis] };
+            let reach =
+                if back[axis] >= 0.0 { room.max[axis] - block.at[axis] } else { block.at[axis] - room.min[axis] };
             reach / back[axis].abs().max(1e-3)
         };
         gap(0).min(gap(1))
