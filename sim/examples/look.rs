@@ -1,6 +1,8 @@
 //! Looks through a camera of the porter into a scene and writes what it sees: `<prefix>_true.png`, `<prefix>_sensed.png`,
 //! `<prefix>_depth.png` (near is bright, black is no return) and `<prefix>_labels.png`.
 //!
+//! The camera `above` looks straight down from a height of YAW_RAD metres instead, north up.
+//!
 //! `cargo run --release -p dsm-sim --example look -- scenes/apartment /tmp/look head X_M Y_M YAW_RAD [SEED]`
 
 use anyhow::{Context, Result};
@@ -43,11 +45,18 @@ fn main() -> Result<()> {
     let base_from_links = robot.kinematics.root_from_links(&configuration);
     let links: Vec<Pose> = base_from_links.as_slice().iter().map(|link| world_from_base * link).collect();
     let bodies: Vec<Pose> = model.bodies.iter().map(|body| body.world_from_body).collect();
-    let (settings, frame) = robot.find_camera(&camera).with_context(|| format!("no camera `{camera}`"))?;
-    let camera = CameraModel::from_vertical_fov(settings.width, settings.height, settings.vertical_fov_rad);
+    let (camera, world_from_camera) = if camera == "above" {
+        let down = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        let world_from_camera = Pose::from_parts(Translation3::new(x_m, y_m, yaw_rad), down);
+        (CameraModel::from_vertical_fov(1200, 1000, 0.9), world_from_camera)
+    } else {
+        let (settings, frame) = robot.find_camera(&camera).with_context(|| format!("no camera `{camera}`"))?;
+        let model = CameraModel::from_vertical_fov(settings.width, settings.height, settings.vertical_fov_rad);
+        (model, links[frame.0])
+    };
 
     let mut rig = CameraRig::new(&model, &visuals, &LightDraw::new(seed))?;
-    let image = rig.render(&bodies, &links, &camera, &links[frame.0]);
+    let image = rig.render(&bodies, &links, &camera, &world_from_camera);
     let sensor = SensorModel::noisy(NoiseParameters::default())?;
     let sensed = sensor.sense(&image, &camera, NoiseKey { seed, stream: 0, frame: 0 });
     write(&format!("{prefix}_true.png"), &image, image.color.iter().copied())?;

@@ -12,7 +12,9 @@ mod solids;
 mod truth;
 
 pub use placement::StartPose;
-pub(crate) use solids::Solids;
+pub(crate) use placement::scene_bounds;
+pub(crate) use solids::{Column, Solids};
+pub(crate) use truth::FLOOR_TOP_M;
 
 use crate::camera::{
     CameraError, CameraRig, LightDraw, NoiseError, NoiseParameters, SensorModel, VisualError, visuals_from_urdf,
@@ -30,13 +32,12 @@ use dsm::time::Span;
 use dsm_robot::model::RobotModel;
 use imager::WorldImager;
 use nalgebra::Point2;
-use placement::{draw_placements, find_obstruction, find_start, scene_bounds};
-use solids::Column;
+use placement::{draw_placements, find_obstruction, find_start};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use thiserror::Error;
-use truth::{FLOOR_TOP_M, TruthSampler};
+use truth::TruthSampler;
 
 /// Time in which the world comes to rest before the run begins.
 const REST: Span = Span(1_000_000_000);

@@ -5,7 +5,7 @@ use dsm::perceive::Detector;
 use dsm::time::Stamp;
 use dsm_robot::drivers::Robot;
 use dsm_robot::model::RobotModel;
-use dsm_sim::scene::{BodyMotion, SceneModel, Semantics, check_scene, scene_file};
+use dsm_sim::scene::{BodyMotion, RobotSize, SceneModel, Semantics, check_scene, scene_file};
 use dsm_sim::world::{LabelIds, Perception, StartPose, World, WorldConfig, WorldError};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ fn world(config: WorldConfig) -> World {
 
 #[test]
 fn the_flat_is_sound() {
-    let checked = check_scene(&repository("scenes/apartment")).expect("loads");
+    let checked = check_scene(&repository("scenes/apartment"), RobotSize::default()).expect("loads");
     assert!(checked.findings.is_empty(), "{:#?}", checked.findings);
     assert!(checked.bodies >= 60 && checked.categories >= 25 && checked.free_bodies >= 20);
 }

@@ -1,4 +1,5 @@
-//! Bodies: nesting resolved to world poses, what is rigidly attached to a free body merged into it, masses.
+//! Bodies: nesting resolved to world poses, masses; what is rigidly attached to a free body, or held fast at another
+//! body, merged into it.
 
 use super::error::{Place, SceneError};
 use super::mesh::{find_mesh, mesh_volume_m3};
@@ -13,6 +14,9 @@ use roxmltree::{Document, Node};
 
 /// Geoms of MuJoCo's groups above this are not drawn.
 const LAST_VISIBLE_GROUP: i32 = 2;
+
+/// Index of the world's own body.
+const WORLD: usize = 0;
 
 /// A joint that is held fast because articulated scenes come later.
 #[derive(Clone, Debug, PartialEq)]
@@ -108,9 +112,12 @@ pub(super) fn build_bodies(context: &Context<'_>, materials: &mut Materials) -> 
                 hint: "free bodies stand directly in <worldbody>".to_owned(),
             });
         }
+        let held_before = out.held.len();
         out.held.extend(entry.body.joints.iter().filter_map(|joint| held(joint, &name)));
+        // A door that is held fast is a part of its cupboard, not a thing of its own.
+        let is_part = out.held.len() > held_before;
         let parent_owner = parent.map(|p| owner[p]);
-        let merged = parent_owner.filter(|p| out.bodies[*p].motion == BodyMotion::Free);
+        let merged = parent_owner.filter(|p| out.bodies[*p].motion == BodyMotion::Free || (is_part && *p != WORLD));
         let index = merged.unwrap_or(out.bodies.len());
         owner.push(index);
         if merged.is_none() {

@@ -1,7 +1,9 @@
-//! What is wrong with a scene that loads: things that overlap, fall, have no category or cannot be moved.
+//! What is wrong with a scene that loads: things that overlap, fall, have no category, and rooms that cannot be reached.
 
 use super::model::{BodyMotion, SceneModel};
-use super::semantics::Semantics;
+use super::reach::find_unreachable_rooms;
+use super::semantics::{SEMANTICS_FILE, Semantics};
+use super::source::Source;
 use super::{HeldJoint, scene_file};
 use crate::physics::{PhysicsConfig, settle_scene};
 use crate::world::{Solids, WorldError};
@@ -10,10 +12,12 @@ use dsm::time::Span;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Overlap that is still contact, metres.
 const OVERLAP_M: f64 = 0.001;
+/// Overlap of things that do not move that is still construction, not a mistake, metres.
+const FIXED_OVERLAP_M: f64 = 0.02;
 /// Free bodies may move this far while they come to rest, metres ...
 const REST_MOVE_M: f64 = 0.01;
 /// ... and turn this far, radians.
@@ -25,9 +29,9 @@ const REST: Span = Span(2_000_000_000);
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Finding {
-    /// A free body overlaps another body at the start.
+    /// A body overlaps another body at the start.
     Overlap {
-        /// The free body.
+        /// The body.
         body: String,
         /// The other one.
         other: String,
@@ -48,12 +52,12 @@ pub enum Finding {
         /// The body.
         body: String,
     },
-    /// A hinge, slide or ball joint, which is held fast.
-    HeldJoint {
-        /// The joint.
-        joint: String,
-        /// The body that it would move.
-        body: String,
+    /// A room that the robot does not get into.
+    Unreachable {
+        /// The room.
+        room: String,
+        /// Radius of the robot, metres.
+        radius_m: f64,
     },
     /// The robot can start nowhere in the areas of semantics.toml: none is given.
     NoStartArea,
@@ -70,11 +74,47 @@ impl fmt::Display for Finding {
                 write!(f, "`{body}` moves {mm:.0} mm and turns {degrees:.0} degrees before it rests")
             }
             Self::Unlisted { body } => write!(f, "`{body}` is not listed in semantics.toml"),
-            Self::HeldJoint { joint, body } => {
-                write!(f, "joint `{joint}` of `{body}` is held fast: articulated scenes are not simulated")
+            Self::Unreachable { room, radius_m } => {
+                write!(f, "room `{room}` cannot be reached by a robot of radius {radius_m} m")
             }
             Self::NoStartArea => write!(f, "semantics.toml names no [start] areas"),
         }
+    }
+}
+
+/// A finding and where to look for it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Located {
+    /// What is wrong.
+    #[serde(flatten)]
+    pub finding: Finding,
+    /// The file that names the body or room.
+    pub file: PathBuf,
+    /// The line, from 1, where it is known.
+    pub line: Option<u32>,
+}
+
+impl fmt::Display for Located {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.line {
+            Some(line) => write!(f, "{}:{line}: {}", self.file.display(), self.finding),
+            None => write!(f, "{}: {}", self.file.display(), self.finding),
+        }
+    }
+}
+
+/// How much room the robot needs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RobotSize {
+    /// Radius of its footprint in metres; default 0.27.
+    pub radius_m: f64,
+    /// Height in metres; default 1.3.
+    pub height_m: f64,
+}
+
+impl Default for RobotSize {
+    fn default() -> Self {
+        Self { radius_m: 0.27, height_m: 1.3 }
     }
 }
 
@@ -89,22 +129,26 @@ pub struct CheckedScene {
     pub free_bodies: usize,
     /// Categories in semantics.toml.
     pub categories: usize,
+    /// Hinges and slides that are held fast: no fault of the scene, but doors and drawers will not move.
+    pub held_joints: Vec<HeldJoint>,
     /// What is wrong.
-    pub findings: Vec<Finding>,
+    pub findings: Vec<Located>,
 }
 
-/// Loads a scene, lets it rest for two seconds and says what is wrong with it.
+/// Loads a scene, lets it rest for two seconds and says what is wrong with it for a robot of that size.
 ///
 /// # Errors
 /// [`WorldError`] when the scene does not load or cannot be simulated.
-pub fn check_scene(path: &Path) -> Result<CheckedScene, WorldError> {
-    let (scene, held) = SceneModel::load_with_joints(path)?;
+pub fn check_scene(path: &Path, robot: RobotSize) -> Result<CheckedScene, WorldError> {
+    let (scene, held_joints) = SceneModel::load_with_joints(path)?;
     let semantics = Semantics::load(&scene_file(path), &scene)?;
     let settled = settle_scene(&scene, REST, PhysicsConfig::default())?;
-    let mut findings = find_overlaps(&scene, &Solids::new(&scene)?);
+    let solids = Solids::new(&scene)?;
+    let mut findings = find_overlaps(&scene, &solids);
     findings.extend(find_movers(&scene, &settled));
     findings.extend(find_unlisted(&scene, &semantics));
-    findings.extend(held.into_iter().map(|HeldJoint { joint, body, .. }| Finding::HeldJoint { joint, body }));
+    let unreachable = find_unreachable_rooms(&scene, &semantics, &solids, robot);
+    findings.extend(unreachable.into_iter().map(|room| Finding::Unreachable { room, radius_m: robot.radius_m }));
     if semantics.start.areas.is_empty() {
         findings.push(Finding::NoStartArea);
     }
@@ -115,21 +159,54 @@ pub fn check_scene(path: &Path) -> Result<CheckedScene, WorldError> {
         bodies: scene.bodies.len() - 1,
         free_bodies,
         categories: categories.len(),
-        findings,
+        held_joints,
+        findings: locate(findings, &scene_file(path))?,
     })
 }
 
-/// Free bodies that overlap another body by more than a millimetre.
+/// Adds file and line to each finding.
+fn locate(findings: Vec<Finding>, file: &Path) -> Result<Vec<Located>, WorldError> {
+    let source = Source::read(file)?;
+    let semantics_file = file.with_file_name(SEMANTICS_FILE);
+    let semantics = std::fs::read_to_string(&semantics_file).unwrap_or_default();
+    let in_scene = |body: &str| {
+        let names = [format!("name=\"{body}\""), format!("name='{body}'")];
+        let at = names.iter().filter_map(|name| source.text.find(name.as_str())).min();
+        at.map_or((file.to_owned(), None), |at| {
+            let place = source.place(at);
+            (place.file, place.line)
+        })
+    };
+    let in_semantics = |text: &str| {
+        let line = semantics.lines().position(|line| line.contains(text)).map(|index| index as u32 + 1);
+        (semantics_file.clone(), line)
+    };
+    let place_of = |finding: &Finding| match finding {
+        Finding::Overlap { body, .. } | Finding::Moves { body, .. } | Finding::Unlisted { body } => in_scene(body),
+        Finding::Unreachable { room, .. } => in_semantics(&format!("\"{room}\"")),
+        Finding::NoStartArea => in_semantics("[start]"),
+    };
+    let located = |finding: Finding| {
+        let (file, line) = place_of(&finding);
+        Located { finding, file, line }
+    };
+    Ok(findings.into_iter().map(located).collect())
+}
+
+/// Bodies that overlap: free ones by more than a millimetre, fixed ones by more than is common in construction.
 pub(crate) fn find_overlaps(scene: &SceneModel, solids: &Solids) -> Vec<Finding> {
     let mut findings = Vec::new();
-    for (index, body) in scene.bodies.iter().enumerate().filter(|(_, body)| body.motion == BodyMotion::Free) {
+    for (index, body) in scene.bodies.iter().enumerate().skip(1) {
         for (other_index, other) in scene.bodies.iter().enumerate() {
-            let once = other.motion == BodyMotion::Fixed || other_index > index;
+            let free = [body.motion, other.motion].map(|motion| motion == BodyMotion::Free);
+            // Each pair once: a free body against fixed ones, else the later against the earlier.
+            let once = if free[0] == free[1] { other_index > index || other_index == 0 } else { free[0] };
             if other_index == index || !once {
                 continue;
             }
             let depth = solids.find_depth_m((index, &body.world_from_body), (other_index, &other.world_from_body), 0.0);
-            if let Some(depth_m) = depth.filter(|depth| *depth > OVERLAP_M) {
+            let allowed_m = if free[0] { OVERLAP_M } else { FIXED_OVERLAP_M };
+            if let Some(depth_m) = depth.filter(|depth| *depth > allowed_m) {
                 findings.push(Finding::Overlap { body: body.name.clone(), other: other.name.clone(), depth_m });
             }
         }
@@ -155,49 +232,4 @@ fn find_unlisted(scene: &SceneModel, semantics: &Semantics) -> Vec<Finding> {
 }
 
 #[cfg(test)]
-mod tests {
-    //! Contract: each fault of a scene is found and named, and a sound scene passes.
-    use super::*;
-
-    fn check(inner: &str, semantics: Option<&str>) -> CheckedScene {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let text = format!("<mujoco><worldbody><geom type=\"plane\" size=\"0 0 1\"/>{inner}</worldbody></mujoco>");
-        std::fs::write(folder.path().join("scene.xml"), text).expect("written");
-        if let Some(semantics) = semantics {
-            std::fs::write(folder.path().join("semantics.toml"), semantics).expect("written");
-        }
-        check_scene(folder.path()).expect("loads")
-    }
-
-    const START: &str = "version = 1\nname = \"t\"\n[start]\nareas = [{ x_m = 0, y_m = 0 }]\n";
-
-    fn free(name: &str, x_m: f64, z_m: f64) -> String {
-        format!(
-            "<body name=\"{name}\" pos=\"{x_m} 0 {z_m}\"><freejoint/><geom type=\"box\" size=\".1 .1 .1\" mass=\"1\"/></body>"
-        )
-    }
-
-    #[test]
-    fn a_sound_scene_has_no_findings() {
-        let semantics = format!("{START}[[object]]\nbody = \"a\"\ncategory = \"box\"\n");
-        let checked = check(&free("a", 0.0, 0.1), Some(&semantics));
-        assert_eq!((checked.findings, checked.free_bodies, checked.categories), (vec![], 1, 1));
-    }
-
-    #[test]
-    fn overlapping_falling_and_unlisted_bodies_are_named() {
-        let inner = free("a", 0.0, 0.1) + &free("b", 0.15, 0.1) + &free("c", 2.0, 0.5);
-        let text: Vec<String> = check(&inner, Some(START)).findings.iter().map(ToString::to_string).collect();
-        assert!(text.iter().any(|t| t.starts_with("`a` overlaps `b` by 50.0 mm")), "{text:?}");
-        assert!(text.iter().any(|t| t.starts_with("`c` moves 4")), "{text:?}");
-        assert_eq!(text.iter().filter(|t| t.ends_with("is not listed in semantics.toml")).count(), 3);
-    }
-
-    #[test]
-    fn held_joints_and_missing_start_areas_are_named() {
-        let door = "<body name=\"door\"><joint name=\"h\" axis=\"0 0 1\"/><geom size=\".1\" pos=\"0 0 1\"/></body>";
-        let findings = check(door, None).findings;
-        assert!(findings.contains(&Finding::HeldJoint { joint: "h".to_owned(), body: "door".to_owned() }));
-        assert!(findings.contains(&Finding::NoStartArea));
-    }
-}
+mod tests;

@@ -219,7 +219,7 @@ pub(super) fn find_start(
 }
 
 /// The rectangle around everything but unbounded floors; 2 m about the origin in an empty scene.
-pub(super) fn scene_bounds(scene: &SceneModel, solids: &Solids) -> Aabb {
+pub(crate) fn scene_bounds(scene: &SceneModel, solids: &Solids) -> Aabb {
     let bounded = solids.iter().filter(|solid| !solid.is_plane);
     let corners: Vec<_> = bounded
         .map(|solid| solid.bounds(&scene.bodies[solid.body].world_from_body))

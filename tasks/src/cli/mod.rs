@@ -1,7 +1,6 @@
 //! The command line: flags are parsed here and checked before anything runs.
 
 mod bench;
-mod check;
 mod eval;
 mod eval_map;
 mod explore;
@@ -9,7 +8,9 @@ mod ground;
 mod info;
 mod map;
 mod output;
+mod robot;
 mod run;
+mod scene;
 mod suite;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -110,12 +111,12 @@ pub enum Command {
     /// Look into, check or export a map.
     #[command(subcommand)]
     Map(map::MapCommand),
-    /// Look into a scene.
+    /// Generate, import or check a scene.
     #[command(subcommand)]
-    Scene(check::SceneCommand),
+    Scene(scene::SceneCommand),
     /// Look into a robot.
     #[command(subcommand)]
-    Robot(check::RobotCommand),
+    Robot(robot::RobotCommand),
     /// Show the configuration.
     #[command(subcommand)]
     Config(info::ConfigCommand),
@@ -142,8 +143,8 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Ground(args) => ground::run(args),
         Command::Eval(command) => eval::run(command),
         Command::Map(command) => map::run(command),
-        Command::Scene(command) => check::scene(command),
-        Command::Robot(command) => check::robot(command),
+        Command::Scene(command) => scene::run(command),
+        Command::Robot(command) => robot::run(command),
         Command::Config(command) => info::config(command),
         Command::Bench(args) => bench::run(args),
         Command::Completions { shell } => info::completions(shell),

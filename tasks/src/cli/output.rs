@@ -69,3 +69,25 @@ pub(super) fn prepare_folder(args: &OutArgs, default: &Path) -> Result<PathBuf, 
     std::fs::create_dir_all(&folder).map_err(read)?;
     Ok(folder)
 }
+
+/// Prepares the folder of a scene: it must be empty or new unless forced.
+pub(super) fn prepare_scene_folder(folder: &Path, force: bool) -> Result<(), TaskError> {
+    let read = |source| TaskError::Read { path: folder.to_owned(), source };
+    if folder.exists() && !folder.is_dir() {
+        return Err(TaskError::Usage(format!("{}: is a file; --out needs a folder", folder.display())));
+    }
+    let occupied = folder.is_dir() && std::fs::read_dir(folder).map_err(read)?.next().is_some();
+    if occupied && !force {
+        return Err(TaskError::OutputExists { path: folder.to_owned() });
+    }
+    if occupied {
+        // Only what a scene consists of is removed, so that --force on a wrong folder loses nothing else.
+        for name in ["scene.xml", "semantics.toml"] {
+            match std::fs::remove_file(folder.join(name)) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(read(error)),
+                _ => {}
+            }
+        }
+    }
+    std::fs::create_dir_all(folder).map_err(read)
+}

@@ -1,24 +1,10 @@
-//! `dsm scene check` and `dsm robot check`.
+//! `dsm robot check`.
 
 use super::{Output, ResultArgs};
 use crate::assemble::find_robot;
 use crate::error::TaskError;
 use dsm_robot::model::RobotModel;
-use dsm_sim::scene::{Finding, check_scene};
 use serde::Serialize;
-use std::path::PathBuf;
-
-/// Commands on scenes.
-#[derive(Debug, clap::Subcommand)]
-pub enum SceneCommand {
-    /// Look for interpenetration, falling objects and names that do not fit; code 1 when something is found.
-    Check {
-        /// A scene: its folder or its MJCF file.
-        scene: PathBuf,
-        #[command(flatten)]
-        result: ResultArgs,
-    },
-}
 
 /// Commands on robots.
 #[derive(Debug, clap::Subcommand)]
@@ -30,15 +16,6 @@ pub enum RobotCommand {
         #[command(flatten)]
         result: ResultArgs,
     },
-}
-
-#[derive(Serialize)]
-struct SceneReport {
-    scene: String,
-    bodies: usize,
-    free_bodies: usize,
-    categories: usize,
-    findings: Vec<Finding>,
 }
 
 #[derive(Serialize)]
@@ -57,34 +34,8 @@ struct GroupReport {
     joints: Vec<String>,
 }
 
-/// Checks a scene.
-pub(super) fn scene(command: SceneCommand) -> anyhow::Result<u8> {
-    let SceneCommand::Check { scene, result } = command;
-    let checked = check_scene(&scene).map_err(TaskError::from)?;
-    let report = SceneReport {
-        scene: checked.name,
-        bodies: checked.bodies,
-        free_bodies: checked.free_bodies,
-        categories: checked.categories,
-        findings: checked.findings,
-    };
-    let found = !report.findings.is_empty();
-    Output::new(result).give(&report, || {
-        let mut text = format!(
-            "{}: {} bodies, {} of them free, {} categories\n",
-            report.scene, report.bodies, report.free_bodies, report.categories
-        );
-        for finding in &report.findings {
-            text.push_str(&format!("  {finding}\n"));
-        }
-        text.push_str(if found { "" } else { "nothing to complain about\n" });
-        text
-    })?;
-    Ok(u8::from(found))
-}
-
 /// Checks a robot.
-pub(super) fn robot(command: RobotCommand) -> anyhow::Result<u8> {
+pub(super) fn run(command: RobotCommand) -> anyhow::Result<u8> {
     let RobotCommand::Check { robot, result } = command;
     let model = RobotModel::load(&find_robot(&robot)?).map_err(TaskError::from)?;
     let report = RobotReport {

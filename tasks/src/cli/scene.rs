@@ -1,0 +1,163 @@
+//! `dsm scene`: generate, import and check.
+
+use super::output::prepare_scene_folder;
+use super::{Output, ResultArgs};
+use crate::error::TaskError;
+use dsm::store::write_atomically;
+use dsm_sim::scene::{
+    GeneratedScene, HomeConfig, ImportError, Located, RobotSize, check_scene, generate_home, import_ithor,
+};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Commands on scenes.
+#[derive(Debug, clap::Subcommand)]
+pub enum SceneCommand {
+    /// Generate a furnished home of several rooms; the same seed gives the same bytes.
+    Generate {
+        /// Seed of everything that is drawn.
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        /// Rooms, 1 to 12.
+        #[arg(long, default_value_t = 5)]
+        rooms: u32,
+        /// Objects, 10 to 600: furniture and the things on it.
+        #[arg(long, default_value_t = 90)]
+        objects: u32,
+        #[command(flatten)]
+        target: Target,
+        #[command(flatten)]
+        result: ResultArgs,
+    },
+    /// Import a floor plan of AI2-THOR: one room, nothing movable, receptacles hollow, colours by the seed.
+    Import {
+        /// The layout, a JSON file with `scene_id` and `objects`.
+        layout: PathBuf,
+        /// Seed of the colours.
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        #[command(flatten)]
+        target: Target,
+        #[command(flatten)]
+        result: ResultArgs,
+    },
+    /// Look for interpenetration, falling objects, rooms that cannot be reached and names that do not fit; code 1 when
+    /// something is found.
+    Check {
+        /// A scene: its folder or its MJCF file.
+        scene: PathBuf,
+        #[command(flatten)]
+        result: ResultArgs,
+    },
+}
+
+/// Where a scene is written to.
+#[derive(Debug, clap::Args)]
+pub struct Target {
+    /// Folder of the scene.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Replace a scene that is there already.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Serialize)]
+struct SceneReport {
+    scene: String,
+    bodies: usize,
+    free_bodies: usize,
+    categories: usize,
+    held_joints: usize,
+    findings: Vec<Located>,
+}
+
+#[derive(Serialize)]
+struct WrittenReport {
+    scene: String,
+    folder: PathBuf,
+    rooms: usize,
+    objects: usize,
+    categories: usize,
+}
+
+/// Runs a command on scenes.
+pub(super) fn run(command: SceneCommand) -> anyhow::Result<u8> {
+    match command {
+        SceneCommand::Generate { seed, rooms, objects, target, result } => {
+            let made = generate_home(&HomeConfig { seed, rooms, objects });
+            write(&made.map_err(|error| TaskError::Usage(error.to_string()))?, &target, result)
+        }
+        SceneCommand::Import { layout, seed, target, result } => {
+            let read = |source| TaskError::Read { path: layout.clone(), source };
+            let text = std::fs::read_to_string(&layout).map_err(read)?;
+            let wrong = |error| match error {
+                ImportError::Format { line, reason } => format!("{}:{line}: {reason}", layout.display()),
+                other => format!("{}: {other}", layout.display()),
+            };
+            let made = import_ithor(&text, seed).map_err(|error| TaskError::Usage(wrong(error)))?;
+            write(&made, &target, result)
+        }
+        SceneCommand::Check { scene, result } => check(&scene, result),
+    }
+}
+
+fn write(scene: &GeneratedScene, target: &Target, result: ResultArgs) -> anyhow::Result<u8> {
+    write_scene(scene, &target.out, target.force)?;
+    let report = WrittenReport {
+        scene: scene.name.clone(),
+        folder: target.out.clone(),
+        rooms: scene.rooms,
+        objects: scene.objects,
+        categories: scene.categories,
+    };
+    Output::new(result).give(&report, || {
+        let folder = report.folder.display();
+        format!("{folder}: {} rooms, {} objects of {} categories", report.rooms, report.objects, report.categories)
+    })?;
+    Ok(0)
+}
+
+/// Writes the files of a scene; `scene.xml` last, so that a scene that is there is whole.
+pub(super) fn write_scene(scene: &GeneratedScene, folder: &Path, force: bool) -> Result<(), TaskError> {
+    prepare_scene_folder(folder, force)?;
+    for (name, bytes) in scene.files.iter().rev() {
+        let path = folder.join(name);
+        if let Some(parent) = path.parent() {
+            std::fs::create_dir_all(parent).map_err(|source| TaskError::Read { path: parent.to_owned(), source })?;
+        }
+        write_atomically(&path, bytes)?;
+    }
+    Ok(())
+}
+
+fn check(scene: &Path, result: ResultArgs) -> anyhow::Result<u8> {
+    let checked = check_scene(scene, RobotSize::default()).map_err(TaskError::from)?;
+    let report = SceneReport {
+        scene: checked.name,
+        bodies: checked.bodies,
+        free_bodies: checked.free_bodies,
+        categories: checked.categories,
+        held_joints: checked.held_joints.len(),
+        findings: checked.findings,
+    };
+    let found = !report.findings.is_empty();
+    Output::new(result).give(&report, || {
+        let mut text = format!(
+            "{}: {} bodies, {} of them free, {} categories\n",
+            report.scene, report.bodies, report.free_bodies, report.categories
+        );
+        if report.held_joints > 0 {
+            let held = report.held_joints;
+            text.push_str(&format!(
+                "{held} joints of doors, drawers and the like are held fast: they are not simulated\n"
+            ));
+        }
+        for finding in &report.findings {
+            text.push_str(&format!("  {finding}\n"));
+        }
+        text.push_str(if found { "" } else { "nothing to complain about\n" });
+        text
+    })?;
+    Ok(u8::from(found))
+}
