@@ -96,8 +96,8 @@ pub enum Gaze {
 }
 
 impl Gaze {
-    /// Ahead and a little down, for driving.
-    pub const AHEAD: Self = Self::Angles { pan_rad: 0.0, tilt_rad: 0.42 };
+    /// Ahead and down to what stands close before the base, for driving.
+    pub const AHEAD: Self = Self::Angles { pan_rad: 0.0, tilt_rad: 0.6 };
     /// From side to side and a little down, for driving through the unknown.
     pub const AROUND: Self = Self::Sweep { half_rad: 0.9, tilt_rad: 0.42 };
 }

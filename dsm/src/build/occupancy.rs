@@ -187,7 +187,7 @@ fn look(
             }
             let is_ray = (row / stride).is_multiple_of(RAY_STRIDE) && (column / stride).is_multiple_of(RAY_STRIDE);
             if is_ray {
-                mark_crossed(config, &mut looks, known, &eye, &point);
+                mark_crossed(config, &mut looks, known, &eye, &point, in_range);
             }
         }
     }
@@ -214,6 +214,7 @@ fn mark_crossed(
     known: &FreeSpace,
     eye: &Point3<f64>,
     point: &Point3<f64>,
+    is_hit: bool,
 ) {
     let ray = point - eye;
     let length = ray.norm();
@@ -222,12 +223,16 @@ fn mark_crossed(
         return;
     }
     let end = 1.0 - RAY_MARGIN_M / length;
+    // A ray that ends on a table top grazes all of it before: it says nothing of the height at which it ends.
+    let grazed = band_of(config, point.z).filter(|_| is_hit);
     let step = known.resolution_m / flat;
     let mut part = 0.5 * step;
     while part < end {
         let place = eye + ray * part;
         part += step;
-        if let (Some(band), Some(index)) = (band_of(config, place.z), looks.find_index(known.cell_at(&place.xy()))) {
+        if let (Some(band), Some(index)) = (band_of(config, place.z), looks.find_index(known.cell_at(&place.xy())))
+            && grazed.is_none_or(|end| band.abs_diff(end) > 1)
+        {
             looks.values_mut()[index].crossed |= 1 << band;
         }
     }

@@ -18,7 +18,10 @@ pub(super) struct Surfaces {
     pub albedo: [Lane; 3],
     pub specular: Lane,
     pub shininess: Lane,
+    pub metallic: Lane,
     pub emission: Lane,
+    /// Whether any of them is a metal.
+    pub metals: bool,
     /// Whether any of them has highlights.
     pub glossy: bool,
 }
@@ -31,7 +34,9 @@ impl Surfaces {
             albedo: [[0.0; PIECE]; 3],
             specular: [0.0; PIECE],
             shininess: [1.0; PIECE],
+            metallic: [0.0; PIECE],
             emission: [0.0; PIECE],
+            metals: false,
             glossy: false,
         }
     }
@@ -43,6 +48,8 @@ pub(super) struct Lighting<'a> {
     pub ambient: [f32; 3],
     /// World z.
     pub up: [f32; 3],
+    /// World x.
+    pub east: [f32; 3],
     /// Shadows, and the light that throws them.
     pub shadow: Option<(usize, ShadowView<'a>)>,
 }
@@ -129,12 +136,43 @@ impl Lighting<'_> {
                 }
             }
         }
+        let mut around = [0.0; PIECE];
+        if surfaces.metals {
+            self.mirror_room(work.surfaces, &work.view, &mut around);
+        }
         for ((sum, shine), albedo) in sum.iter_mut().zip(&shine).zip(&surfaces.albedo) {
             for i in 0..PIECE {
-                sum[i] = sum[i] * albedo[i] + shine[i];
+                // A metal scatters a fifth, and tints what it mirrors.
+                let metallic = surfaces.metallic[i];
+                let scattered = sum[i] * (1.0 - 0.8 * metallic) + around[i];
+                let tint = 1.0 + metallic * (2.0 * albedo[i] - 1.0);
+                sum[i] = scattered * albedo[i] + shine[i] * tint;
             }
         }
         sum
+    }
+}
+
+impl Lighting<'_> {
+    /// What metals mirror: a room with a dark floor, a bright ceiling and three bright stripes on its walls, far away.
+    #[inline(always)]
+    fn mirror_room(&self, surfaces: &Surfaces, view: &[Lane; 3], around: &mut Lane) {
+        let [nx, ny, nz] = &surfaces.normal;
+        let [vx, vy, vz] = view;
+        let (up, east) = (&self.up, &self.east);
+        for i in 0..PIECE {
+            let twice = 2.0 * (nx[i] * vx[i] + ny[i] * vy[i] + nz[i] * vz[i]);
+            let (x, y, z) = (twice * nx[i] - vx[i], twice * ny[i] - vy[i], twice * nz[i] - vz[i]);
+            let rise = x * up[0] + y * up[1] + z * up[2];
+            let along = x * east[0] + y * east[1] + z * east[2];
+            let ceiling = (1.6 * rise + 0.3).clamp(0.0, 1.0);
+            // cos(3a) of the bearing a, to the fourth power where it is positive.
+            let level = (1.0 - rise * rise + 1e-6).sqrt();
+            let cos = along / level;
+            let stripe = (4.0 * cos * cos * cos - 3.0 * cos).max(0.0);
+            let stripe = stripe * stripe * stripe * stripe;
+            around[i] = surfaces.metallic[i] * (0.06 + 0.55 * ceiling + 1.1 * stripe * (1.0 - ceiling));
+        }
     }
 }
 

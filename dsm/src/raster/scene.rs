@@ -31,13 +31,23 @@ pub struct Material {
     pub specular: f32,
     /// Sharpness of highlights: the exponent of Blinn and Phong, 1 (wide) to 200 (small).
     pub shininess: f32,
+    /// How far it is a metal, 0 to 1: metals scatter little light and mirror their surroundings in their own colour.
+    pub metallic: f32,
     /// Light that the surface gives off by itself, as a share of its colour, 0 to 1.
     pub emission: f32,
 }
 
 impl Default for Material {
     fn default() -> Self {
-        Self { color: [0.5; 3], texture: None, texture_repeat: [1.0; 2], specular: 0.1, shininess: 20.0, emission: 0.0 }
+        Self {
+            color: [0.5; 3],
+            texture: None,
+            texture_repeat: [1.0; 2],
+            specular: 0.1,
+            shininess: 20.0,
+            metallic: 0.0,
+            emission: 0.0,
+        }
     }
 }
 

@@ -32,6 +32,7 @@ struct Look<'a> {
     texels: f32,
     specular: f32,
     shininess: f32,
+    metallic: f32,
     emission: f32,
 }
 
@@ -80,6 +81,7 @@ impl<'a> Shader<'a> {
     ) -> Self {
         let camera_from_world = world_from_camera.inverse();
         let up: Vector3<f32> = (camera_from_world.rotation * Vector3::z()).cast();
+        let east: Vector3<f32> = (camera_from_world.rotation * Vector3::x()).cast();
         let ray = |i: u32, center: f64, focal: f64| ((f64::from(i) + 0.5 - center) / focal) as f32;
         // A whole number of pieces, so that the last one needs no care.
         let padded = model.width.next_multiple_of(PIECE as u32);
@@ -94,6 +96,7 @@ impl<'a> Shader<'a> {
                 lights: scene.lights.iter().map(|light| CameraLight::new(light, &camera_from_world)).collect(),
                 ambient: scene.ambient,
                 up: up.into(),
+                east: east.into(),
                 shadow: scene.shadow().map(|shadow| shadow.view(world_from_camera)),
             },
             columns: (0..padded).map(|column| ray(column, model.cx, model.fx)).collect(),
@@ -163,6 +166,7 @@ impl<'a> Shader<'a> {
             *z = 1.0 / inverse;
         }
         piece.surfaces.glossy = false;
+        piece.surfaces.metals = false;
         piece.textured.count = 0;
         let mut lit = false;
         let mut start = 0;
@@ -259,8 +263,10 @@ fn gather_run<'a>(
     }
     surfaces.specular[run.clone()].fill(look.specular);
     surfaces.shininess[run.clone()].fill(look.shininess);
+    surfaces.metallic[run.clone()].fill(look.metallic);
     surfaces.emission[run].fill(look.emission);
-    surfaces.glossy |= look.specular > 0.0;
+    surfaces.metals |= look.metallic > 0.0;
+    surfaces.glossy |= look.specular > 0.0 || look.metallic > 0.0;
 }
 
 impl<'a> Textured<'a> {
@@ -331,6 +337,7 @@ fn look<'a>(scene: &'a Scene, material: &Material) -> Look<'a> {
         texels: texture.map_or(0.0, |texture| (u * v).abs() * (texture.width() * texture.height()) as f32),
         specular: material.specular,
         shininess: material.shininess,
+        metallic: material.metallic,
         emission: material.emission,
     }
 }

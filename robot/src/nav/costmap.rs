@@ -81,16 +81,19 @@ impl Costmap {
     pub fn from_free_space(free_space: &FreeSpace, config: &CostmapConfig) -> Self {
         let grid = Grid::of(free_space);
         let half_cell = 0.5 * grid.resolution_m;
-        let clearance_m: Vec<f32> = squared_distance_to_occupied(&grid, &free_space.cells)
+        let clearance_m: Vec<f32> = squared_distance_to(&grid, |i| free_space.cells[i] == CellState::Occupied)
             .into_iter()
             .map(|squared| (squared.sqrt() * grid.resolution_m - half_cell).max(0.0) as f32)
             .collect();
         let lethal_m = config.footprint_radius_m + config.margin_m;
-        let weights = clearance_m
+        let mut weights: Vec<u16> = clearance_m
             .iter()
             .zip(&free_space.cells)
             .map(|(&clearance, state)| weight(f64::from(clearance), *state, lethal_m, config))
             .collect();
+        if config.unknown == UnknownPolicy::Forbidden {
+            forbid_standing_on_unknown(&grid, &free_space.cells, config.footprint_radius_m, &mut weights);
+        }
         Self {
             grid,
             states: free_space.cells.clone(),
@@ -212,11 +215,27 @@ fn weight(clearance_m: f64, state: CellState, lethal_m: f64, config: &CostmapCon
     }
 }
 
-/// Exact squared Euclidean distance in cells from each cell's centre to the nearest occupied cell's centre
+/// The footprint must not stand over floor that was never seen: the near edge of a table may be there. Single unknown
+/// cells are gaps between measured points and do not count.
+fn forbid_standing_on_unknown(grid: &Grid, cells: &[CellState], footprint_radius_m: f64, weights: &mut [u16]) {
+    /// Unknown cells among a cell and its eight neighbours that make it a place never seen.
+    const SOLID: usize = 7;
+    let is_unknown = |cell: usize| cells[cell] == CellState::Unknown;
+    let never_seen =
+        |cell: usize| is_unknown(cell) && 1 + grid.neighbours(cell).filter(|(n, _)| is_unknown(*n)).count() >= SOLID;
+    let reach = (footprint_radius_m / grid.resolution_m).powi(2);
+    for (weight, squared) in weights.iter_mut().zip(squared_distance_to(grid, never_seen)) {
+        if squared < reach {
+            *weight = 0;
+        }
+    }
+}
+
+/// Exact squared Euclidean distance in cells from each cell's centre to the nearest marked cell's centre
 /// (Felzenszwalb and Huttenlocher, "Distance transforms of sampled functions").
-fn squared_distance_to_occupied(grid: &Grid, cells: &[CellState]) -> Vec<f64> {
+fn squared_distance_to(grid: &Grid, is_marked: impl Fn(usize) -> bool) -> Vec<f64> {
     const FAR: f64 = 1e8;
-    let mut squared: Vec<f64> = cells.iter().map(|c| if *c == CellState::Occupied { 0.0 } else { FAR }).collect();
+    let mut squared: Vec<f64> = (0..grid.len()).map(|cell| if is_marked(cell) { 0.0 } else { FAR }).collect();
     let mut line = vec![0.0; grid.columns.max(grid.rows)];
     let mut result = line.clone();
     for column in 0..grid.columns {

@@ -205,6 +205,7 @@ impl Builder {
             texture_repeat: material.texture_repeat,
             specular: material.specular * LIGHT_SPECULAR,
             shininess: (material.shininess * SHININESS_MAX).max(1.0),
+            metallic: material.metallic,
             emission: material.emission,
         }))
     }

@@ -117,6 +117,8 @@ pub struct SceneMaterial {
     pub specular: f32,
     /// Shininess, 0 to 1.
     pub shininess: f32,
+    /// How far it is a metal, 0 to 1.
+    pub metallic: f32,
     /// Emission, 0 to 1.
     pub emission: f32,
 }

@@ -151,6 +151,8 @@ impl Materials {
                     texture_span: span,
                     specular: material.specular as f32,
                     shininess: material.shininess as f32,
+                    // MuJoCo's default, -1, means that nothing is said.
+                    metallic: node.and_then(|n| numbers(n, "metallic")).map_or(0.0, |[m]: [f32; 1]| m.clamp(0.0, 1.0)),
                     emission: material.emission as f32,
                     name,
                 }
@@ -177,6 +179,7 @@ impl Materials {
                         texture_span: TextureSpan::Face,
                         specular: 0.5,
                         shininess: 0.5,
+                        metallic: 0.0,
                         emission: 0.0,
                     },
                     |index| self.list[index].clone(),

@@ -2,7 +2,7 @@
 
 use super::GeneratedScene;
 use super::draft::{Body, Draft, Geom, Joint, Part, Rect, Shape};
-use super::finish::{Finish, Pattern};
+use super::finish::{Finish, Material, Pattern};
 use super::texture::{draw_texture, repeats};
 use crate::scene::semantics::SEMANTICS_FILE;
 use std::collections::{BTreeMap, BTreeSet};
@@ -78,9 +78,10 @@ fn scene_xml(draft: &Draft, finishes: &BTreeSet<Finish>, textures: &[&String]) -
         let two_colors = matches!(finish.pattern, Pattern::Striped | Pattern::Checkered | Pattern::Dotted);
         let [r, g, b] = if two_colors { [1.0; 3] } else { finish.rgb() };
         let gloss = number(finish.gloss());
+        let metallic = if finish.material == Material::Metal { " metallic=\"0.9\"" } else { "" };
         let _ = writeln!(
             xml,
-            "    <material name=\"{}\"{texture} rgba=\"{} 1\" specular=\"{gloss}\" shininess=\"{gloss}\"/>",
+            "    <material name=\"{}\"{texture} rgba=\"{} 1\" specular=\"{gloss}\" shininess=\"{gloss}\"{metallic}/>",
             finish.name(),
             numbers(&[r, g, b]),
         );
