@@ -148,10 +148,20 @@ pub fn evaluate(
         }
     };
     let predictions: Vec<Prediction> = queries.par_iter().map(answer).collect();
+    let report = report_of(scenes, queries, &predictions);
+    (predictions, report)
+}
+
+/// Scores predictions, one per query in the same order, where the truth is known.
+pub(super) fn report_of(
+    scenes: &BTreeMap<String, SceneLine>,
+    queries: &[QueryLine],
+    predictions: &[Prediction],
+) -> Report {
     let mut counts: BTreeMap<String, [usize; 2]> = BTreeMap::new();
     let mut abstained: BTreeMap<String, usize> = BTreeMap::new();
     let mut asked: BTreeMap<String, usize> = BTreeMap::new();
-    for (query, prediction) in queries.iter().zip(&predictions) {
+    for (query, prediction) in queries.iter().zip(predictions) {
         *abstained.entry(query.dataset.clone()).or_default() += usize::from(prediction.predicted_id.is_none());
         *asked.entry(query.dataset.clone()).or_default() += 1;
         for (name, right) in outcomes(scenes.get(&query.scene_id), query, prediction) {
@@ -166,8 +176,8 @@ pub fn evaluate(
     let detected = queries.iter().any(|query| query.scene_id.ends_with("#det"));
     let tier = if detected { "true boxes and labels; `det`: detected boxes" } else { "true boxes and labels" };
     let judged = queries.iter().filter(|query| query.target_id.is_some() || query.target_box.is_some()).count();
-    let time_us = TimeUs::of(&predictions);
-    (predictions, Report { tier: tier.to_owned(), rates, queries: asked, judged, abstained, time_us })
+    let time_us = TimeUs::of(predictions);
+    Report { tier: tier.to_owned(), rates, queries: asked, judged, abstained, time_us }
 }
 
 /// What is scored of a query: top-1 where the target's identity is known, Acc@.25 and @.5 where its box is.

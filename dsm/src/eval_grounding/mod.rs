@@ -5,6 +5,8 @@
 
 mod data;
 mod evaluate;
+mod fit;
 
 pub use data::{BoxObject, DataError, QueryLine, SceneLine, TargetBox, read_queries, read_scenes};
 pub use evaluate::{Prediction, Rate, Report, TimeUs, evaluate, find_contradiction};
+pub use fit::{cross_validate, fit_all, fold_of, write_weights};
