@@ -96,7 +96,7 @@ pub(super) fn evaluate_with(context: Context<'_, '_>, entity: &Entity, mentions:
         fits_noun[*item] = fits_noun[*item].max(MENTIONED_FIT);
     }
     result.push(Kind::Noun, format!("is a {}", noun_phrase(&entity.noun)), fits_noun.clone(), vec![None; count]);
-    for term in &entity.attributes {
+    for term in entity.attributes.iter().filter(|term| config.counts(term.kind)) {
         let mut scores = retrieve::attribute_scores(scene, term, &fits_noun, knowledge);
         if config.presume_present {
             likeness::soften(&mut scores, &result.total);

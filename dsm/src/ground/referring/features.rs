@@ -69,7 +69,15 @@ pub(in crate::ground) fn features_of(
     let size = |item: &Item<'_>| item.object.bounds.size.map(|side| side.max(0.01));
     let volume = compared(&|item| size(item).product().cbrt().ln());
     add(Kind::Volume, &|i| volume[i] as f32);
-    for kind in kinds_said(tokens) {
+    let config = context.config;
+    let ablated = |kind: &Kind| {
+        use Kind::{WordBig, WordDark, WordEven, WordLight, WordLong, WordSmall, WordTall};
+        match kind {
+            WordBig | WordSmall | WordLong | WordTall | WordEven | WordLight | WordDark => !config.appearance,
+            _ => !config.relation_filter,
+        }
+    };
+    for kind in kinds_said(tokens).into_iter().filter(|kind| !ablated(kind)) {
         let measured: Vec<f64> = match kind {
             Kind::WordWall => measure(scene, &|p| -wall_gaps_m(scene, p).into_iter().fold(2.0, f64::min)),
             Kind::WordCorner => measure(scene, &|p| {
@@ -96,7 +104,7 @@ pub(in crate::ground) fn features_of(
         add(kind, &|i| (sign * measured[i]) as f32);
     }
     let hues = hues_said(context, tokens);
-    if !hues.is_empty() {
+    if !hues.is_empty() && config.appearance {
         let a = compared(&|item| lab_of(item).map_or(0.0, |lab| lab[1]));
         let b = compared(&|item| lab_of(item).map_or(0.0, |lab| lab[2]));
         let along = |i: usize| hues.iter().map(|hue| (hue.x * a[i] + hue.y * b[i]) / 20.0).fold(f64::MIN, f64::max);
@@ -107,7 +115,11 @@ pub(in crate::ground) fn features_of(
         matches!(kind, RowTold | RowCenter | SideTold | SideFront | SideCenter)
     };
     let side = side_said(tokens);
-    if side != 0.0 && peers.len() > 1 && !evaluation.factors.iter().any(|factor| read(factor.kind)) {
+    if side != 0.0
+        && config.relation_filter
+        && peers.len() > 1
+        && !evaluation.factors.iter().any(|factor| read(factor.kind))
+    {
         let places: Vec<Point2<f64>> = peers.iter().map(|i| scene.items[*i].bounds.center().xy()).collect();
         let middle = Point2::from(places.iter().map(|p| p.coords).sum::<Vector2<f64>>() / places.len() as f64);
         let left = scene.view_to(middle).left;
@@ -142,6 +154,9 @@ fn add_nearness(
     add: &mut dyn FnMut(Kind, &dyn Fn(usize) -> f32),
 ) {
     let scene = context.scene;
+    if !context.config.relation_filter {
+        return;
+    }
     let mut anchors = Vec::new();
     collect_names(&query.target, &mut anchors);
     let used = |mention: &&Mention| {
