@@ -34,6 +34,9 @@ pub struct BoxObject {
     /// Where its front points, unit, when known.
     #[serde(default)]
     pub front: Option<[f64; 3]>,
+    /// Score of a detection, 0 to 1.
+    #[serde(default)]
+    pub score: Option<f32>,
 }
 
 /// One scene.
@@ -127,7 +130,7 @@ impl SceneLine {
         let mut map = Map::new(0.05);
         let put = |(i, object): (usize, &BoxObject)| {
             let mut names = Votes::default();
-            names.add(&object.label, 1.0);
+            names.add(&object.label, object.score.unwrap_or(1.0).clamp(1e-3, 1.0));
             let bounds = TargetBox { center: object.center, size: object.size }.aabb();
             let point = |rgb: [f64; 3]| MapPoint {
                 position: bounds.center().cast(),

@@ -1,7 +1,8 @@
 //! Answers and rates.
 
+use super::classes::{classes_of, rates_by_class};
 use super::data::{BoxObject, QueryLine, SceneLine, TargetBox};
-use crate::ground::{Grounder, GroundingStatus};
+use crate::ground::{Grounder, GroundingStatus, Query};
 use crate::map::Map;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -20,6 +21,12 @@ pub struct Prediction {
     pub score: f32,
     /// Wall time in microseconds.
     pub time_us: u64,
+    /// What kinds of language the query uses.
+    #[serde(skip)]
+    pub classes: Vec<String>,
+    /// What was understood.
+    #[serde(skip)]
+    pub query: Option<Query>,
 }
 
 /// A rate with its 95 % Wilson interval, in percent.
@@ -40,6 +47,8 @@ pub struct Rate {
 pub struct Report {
     /// What the reasoner was given.
     pub tier: String,
+    /// What it was given by data set: true boxes and labels, or detected boxes.
+    pub tiers: BTreeMap<String, String>,
     /// Rates by `dataset` and `dataset/split`.
     pub rates: BTreeMap<String, Rate>,
     /// Queries by data set.
@@ -50,6 +59,8 @@ pub struct Report {
     pub abstained: BTreeMap<String, usize>,
     /// Wall time per query.
     pub time_us: TimeUs,
+    /// Rates by `dataset/kind of language`.
+    pub classes: BTreeMap<String, Rate>,
 }
 
 /// Wall times in microseconds.
@@ -145,13 +156,25 @@ pub fn evaluate(
             status: grounding.as_ref().map_or(GroundingStatus::Unparsed, |g| g.status),
             score: grounding.as_ref().map_or(0.0, |g| g.score),
             time_us: now_us().saturating_sub(before_us),
+            classes: classes_of(grounding.as_ref().and_then(|g| g.query.as_ref()), &query.utterance),
+            query: grounding.and_then(|g| g.query),
         }
     };
     let predictions: Vec<Prediction> = queries.par_iter().map(answer).collect();
+    let report = report_of(scenes, queries, &predictions);
+    (predictions, report)
+}
+
+/// Scores predictions, one per query in the same order, where the truth is known.
+pub(super) fn report_of(
+    scenes: &BTreeMap<String, SceneLine>,
+    queries: &[QueryLine],
+    predictions: &[Prediction],
+) -> Report {
     let mut counts: BTreeMap<String, [usize; 2]> = BTreeMap::new();
     let mut abstained: BTreeMap<String, usize> = BTreeMap::new();
     let mut asked: BTreeMap<String, usize> = BTreeMap::new();
-    for (query, prediction) in queries.iter().zip(&predictions) {
+    for (query, prediction) in queries.iter().zip(predictions) {
         *abstained.entry(query.dataset.clone()).or_default() += usize::from(prediction.predicted_id.is_none());
         *asked.entry(query.dataset.clone()).or_default() += 1;
         for (name, right) in outcomes(scenes.get(&query.scene_id), query, prediction) {
@@ -166,8 +189,19 @@ pub fn evaluate(
     let detected = queries.iter().any(|query| query.scene_id.ends_with("#det"));
     let tier = if detected { "true boxes and labels; `det`: detected boxes" } else { "true boxes and labels" };
     let judged = queries.iter().filter(|query| query.target_id.is_some() || query.target_box.is_some()).count();
-    let time_us = TimeUs::of(&predictions);
-    (predictions, Report { tier: tier.to_owned(), rates, queries: asked, judged, abstained, time_us })
+    let time_us = TimeUs::of(predictions);
+    let classes = rates_by_class(scenes, queries, predictions);
+    let tier_of = |query: &QueryLine| {
+        let tier = if query.scene_id.ends_with("#det") { "detected boxes" } else { "true boxes and labels" };
+        (query.dataset.clone(), tier.to_owned())
+    };
+    let tiers = queries.iter().map(tier_of).collect();
+    Report { tier: tier.to_owned(), tiers, rates, queries: asked, judged, abstained, time_us, classes }
+}
+
+/// Whether an answer is right (for a box, Acc@.25); `None` when the truth is not known.
+pub(super) fn is_right(scene: Option<&SceneLine>, query: &QueryLine, prediction: &Prediction) -> Option<bool> {
+    outcomes(scene, query, prediction).first().map(|(_, right)| *right)
 }
 
 /// What is scored of a query: top-1 where the target's identity is known, Acc@.25 and @.5 where its box is.
@@ -243,7 +277,8 @@ mod tests {
         let (queries, abstained) = (BTreeMap::new(), BTreeMap::new());
         let tier = String::new();
         let time_us = TimeUs::default();
-        let mut report = Report { tier, rates: rates.into(), queries, judged: 10, abstained, time_us };
+        let (tiers, classes) = (BTreeMap::new(), BTreeMap::new());
+        let mut report = Report { tier, tiers, rates: rates.into(), queries, judged: 10, abstained, time_us, classes };
         assert_eq!(find_contradiction(&report), None);
         report.rates.insert("d".to_owned(), Rate::new(9, 10));
         assert!(find_contradiction(&report).is_some());

@@ -3,7 +3,7 @@
 use crate::knowledge::Words;
 
 /// CIELAB (D65) of an sRGB colour.
-fn lab_of(srgb: [f64; 3]) -> [f64; 3] {
+pub(super) fn lab_of(srgb: [f64; 3]) -> [f64; 3] {
     let linear = srgb.map(|c| {
         let c = c / 255.0;
         if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }

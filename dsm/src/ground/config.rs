@@ -1,5 +1,6 @@
 //! Parameters of grounding.
 
+use super::query::AttributeWord;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -28,6 +29,12 @@ pub struct GroundConfig {
     pub presume_present: bool,
     /// Whether the latent relation filter runs (off only for ablations). Default true.
     pub relation_filter: bool,
+    /// Whether colour, pattern, shape and size count (off only for ablations). Default true.
+    pub appearance: bool,
+    /// Whether material and weight count (off only for ablations). Default true.
+    pub physical: bool,
+    /// Whether it counts what a thing is for (off only for ablations). Default true.
+    pub affordance: bool,
     /// Whether candidates are verified in rendered views (off for ablations and where only geometry is known). Default true.
     pub verify: bool,
 }
@@ -43,6 +50,9 @@ impl Default for GroundConfig {
             relation_floor: 0.03,
             presume_present: false,
             relation_filter: true,
+            appearance: true,
+            physical: true,
+            affordance: true,
             verify: true,
         }
     }
@@ -66,6 +76,17 @@ impl GroundConfig {
     /// For referring expressions over known boxes: what is meant is there, and boxes have no points to be verified in.
     pub fn referring() -> Self {
         Self { presume_present: true, verify: false, ..Self::default() }
+    }
+
+    /// Whether attribute words of this sort count.
+    pub(super) fn counts(&self, word: AttributeWord) -> bool {
+        match word {
+            AttributeWord::Color | AttributeWord::Pattern | AttributeWord::Shape | AttributeWord::Size => {
+                self.appearance
+            }
+            AttributeWord::Material | AttributeWord::Weight => self.physical,
+            AttributeWord::Purpose => self.affordance,
+        }
     }
 
     /// Checks every range.

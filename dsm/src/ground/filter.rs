@@ -6,8 +6,9 @@
 
 use super::answer::ReferenceFrame;
 use super::config::GroundConfig;
-use super::likeness;
-use super::query::{Entity, Noun, RelationTerm, RelationWord};
+use super::likeness::{self, Reading};
+use super::query::{AttributeWord, Entity, Noun, Order, RelationTerm, RelationWord};
+use super::referring::{Kind, MENTIONED_FIT, Mention};
 use super::relate;
 use super::retrieve;
 use super::rooms;
@@ -23,6 +24,8 @@ const MAX_BETWEEN: usize = 16;
 const COMPARED_SHARE: f32 = 0.6;
 /// Distance over which "far from" falls to 1/e short of the farthest candidate, metres.
 const FAR_M: f64 = 3.0;
+/// Distance over which "at the wall" falls to 1/e, metres.
+const WALL_M: f64 = 0.5;
 /// Categories that bound the map without being objects of it.
 const BOUNDS: [&str; 3] = ["wall", "floor", "ceiling"];
 
@@ -34,6 +37,8 @@ pub(super) struct Factor {
     pub(super) scores: Vec<f32>,
     /// The anchor that was chosen, by item.
     pub(super) anchors: Vec<Option<usize>>,
+    /// What sort of evidence it is.
+    pub(super) kind: Kind,
 }
 
 /// How well each object fits an entity.
@@ -44,6 +49,8 @@ pub(super) struct Evaluation {
     pub(super) total: Vec<f32>,
     /// Frame of its view-dependent words.
     pub(super) frame: ReferenceFrame,
+    /// Other readings of the same words, by item; they do not count in `total`.
+    pub(super) readings: Vec<(Kind, Vec<f32>)>,
 }
 
 /// What evaluation needs besides the entity.
@@ -55,11 +62,11 @@ pub(super) struct Context<'s, 'a> {
 }
 
 impl Evaluation {
-    fn push(&mut self, label: String, scores: Vec<f32>, anchors: Vec<Option<usize>>) {
+    fn push(&mut self, kind: Kind, label: String, scores: Vec<f32>, anchors: Vec<Option<usize>>) {
         for (total, score) in self.total.iter_mut().zip(&scores) {
             *total *= score;
         }
-        self.factors.push(Factor { label, scores, anchors });
+        self.factors.push(Factor { label, scores, anchors, kind });
     }
 
     fn see(&mut self, frame: ReferenceFrame) {
@@ -71,15 +78,25 @@ impl Evaluation {
 
 /// Scores every object of the scene against the entity.
 pub(super) fn evaluate(context: Context<'_, '_>, entity: &Entity) -> Evaluation {
+    evaluate_with(context, entity, &[])
+}
+
+/// As [`evaluate`]; things that are mentioned otherwise than as anchors are weak candidates whatever the noun.
+pub(super) fn evaluate_with(context: Context<'_, '_>, entity: &Entity, mentions: &[Mention]) -> Evaluation {
     let Context { scene, knowledge, config } = context;
     let count = scene.items.len();
-    let mut result = Evaluation { factors: Vec::new(), total: vec![1.0; count], frame: ReferenceFrame::None };
-    let fits_noun = match config.presume_present {
+    let mut result =
+        Evaluation { factors: Vec::new(), total: vec![1.0; count], frame: ReferenceFrame::None, readings: Vec::new() };
+    let mut fits_noun = match config.presume_present {
         true => retrieve::literal_noun_scores(scene, &entity.noun, knowledge),
         false => retrieve::noun_scores(scene, &entity.noun, knowledge),
     };
-    result.push(format!("is a {}", noun_phrase(&entity.noun)), fits_noun.clone(), vec![None; count]);
-    for term in &entity.attributes {
+    let anchored = |mention: &&Mention| !is_anchor(entity, &mention.phrase);
+    for item in mentions.iter().filter(anchored).flat_map(|mention| &mention.items) {
+        fits_noun[*item] = fits_noun[*item].max(MENTIONED_FIT);
+    }
+    result.push(Kind::Noun, format!("is a {}", noun_phrase(&entity.noun)), fits_noun.clone(), vec![None; count]);
+    for term in entity.attributes.iter().filter(|term| config.counts(term.kind)) {
         let mut scores = retrieve::attribute_scores(scene, term, &fits_noun, knowledge);
         if config.presume_present {
             likeness::soften(&mut scores, &result.total);
@@ -87,7 +104,7 @@ pub(super) fn evaluate(context: Context<'_, '_>, entity: &Entity) -> Evaluation 
             retrieve::doubt_colors(scene, term, knowledge, &mut scores);
         }
         let label = format!("{}{}", if term.negated { "not " } else { "" }, term.word);
-        result.push(label, scores, vec![None; count]);
+        result.push(kind_of_attribute(term.kind, term.negated), label, scores, vec![None; count]);
     }
     if !config.relation_filter {
         return result;
@@ -108,9 +125,77 @@ pub(super) fn evaluate(context: Context<'_, '_>, entity: &Entity) -> Evaluation 
     for selection in &entity.selections {
         let (scores, frame) = select::selection_scores(scene, selection, &result.total, COMPARED_SHARE);
         result.see(frame);
-        result.push(select::phrase(selection), scores, vec![None; count]);
+        if let (true, Some(scores)) =
+            (config.presume_present, select::scores_facing_the_row(scene, selection, &result.total, COMPARED_SHARE))
+        {
+            result.readings.push((Kind::RowFace, scores));
+        }
+        result.push(kind_of_order(scene, selection.order), select::phrase(selection), scores, vec![None; count]);
     }
     result
+}
+
+/// Whether an anchor of the entity goes by this name.
+fn is_anchor(entity: &Entity, phrase: &str) -> bool {
+    let named = |anchor: &Entity| matches!(&anchor.noun, Noun::Thing(name) if name == phrase);
+    let mut anchors = entity.relations.iter().flat_map(|relation| &relation.anchors);
+    anchors.any(|anchor| named(anchor) || is_anchor(anchor, phrase))
+}
+
+fn kind_of_attribute(word: AttributeWord, negated: bool) -> Kind {
+    match word {
+        _ if negated => Kind::Negated,
+        AttributeWord::Color => Kind::Color,
+        AttributeWord::Material => Kind::Material,
+        AttributeWord::Size => Kind::Size,
+        AttributeWord::Shape => Kind::Shape,
+        AttributeWord::Pattern => Kind::Pattern,
+        AttributeWord::Weight => Kind::Weight,
+        AttributeWord::Purpose => Kind::Purpose,
+    }
+}
+
+fn kind_of_order(scene: &Scene<'_>, order: Order) -> Kind {
+    match order {
+        Order::Nearest => Kind::Nearest,
+        Order::Farthest => Kind::Farther,
+        Order::Largest | Order::Smallest => Kind::Extreme,
+        Order::Tallest | Order::Shortest | Order::Longest => Kind::Length,
+        Order::Highest | Order::Lowest => Kind::Height,
+        Order::Leftmost | Order::Rightmost if scene.is_told() => Kind::RowTold,
+        Order::Leftmost | Order::Rightmost => Kind::RowCenter,
+        Order::Middle => Kind::Middle,
+        Order::Central => Kind::Central,
+        Order::Corner => Kind::Corner,
+    }
+}
+
+/// The kind of a relation; `anchor` is the likeliest anchor.
+fn kind_of_relation(scene: &Scene<'_>, term: &RelationTerm, anchor: Option<usize>) -> Kind {
+    let front = anchor.is_some_and(|anchor| scene.fronts.contains_key(&scene.items[anchor].object.id));
+    let frame = |told, front_known, center| match (scene.is_told(), front) {
+        (true, _) => told,
+        (false, true) => front_known,
+        (false, false) => center,
+    };
+    match term.word {
+        _ if term.negated => Kind::Negated,
+        RelationWord::On => Kind::On,
+        RelationWord::In => Kind::In,
+        RelationWord::Under => Kind::Under,
+        RelationWord::Above => Kind::Above,
+        RelationWord::Below => Kind::Below,
+        RelationWord::NextTo => Kind::NextTo,
+        RelationWord::Near => Kind::Near,
+        RelationWord::Far => Kind::Far,
+        RelationWord::Against => Kind::Against,
+        RelationWord::With => Kind::With,
+        RelationWord::LeftOf | RelationWord::RightOf => frame(Kind::SideTold, Kind::SideFront, Kind::SideCenter),
+        RelationWord::InFrontOf | RelationWord::Behind => frame(Kind::DepthTold, Kind::DepthFront, Kind::DepthCenter),
+        RelationWord::Between => Kind::Between,
+        RelationWord::Closest => Kind::Closest,
+        RelationWord::Farthest => Kind::Farthest,
+    }
 }
 
 fn noun_phrase(noun: &Noun) -> &str {
@@ -163,16 +248,18 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
     if let [Entity { noun: Noun::Room(_), .. }] = term.anchors.as_slice() {
         let scores = rooms::relation_to_room(context, term, &mut result.frame);
         let scores = finish(context.config, term, scores);
-        result.push(label, scores, vec![None; scene.items.len()]);
+        result.push(Kind::Room, label, scores, vec![None; scene.items.len()]);
         return;
     }
+    let mut kind = kind_of_relation(scene, term, None);
     let (mut scores, anchors) = if term.word == RelationWord::Between {
         between_scores(context, term, result)
     } else {
         let anchors = ranked_anchors(context, &term.anchors[0], result, MAX_ANCHORS);
-        if anchors.is_empty() && is_structure(context, &term.anchors[0]) {
+        let plain = term.anchors[0].relations.is_empty() && context.config.presume_present;
+        if (anchors.is_empty() || plain) && is_structure(context, &term.anchors[0]) {
             let scores = structure_scores(context, term);
-            result.push(label, finish(context.config, term, scores), vec![None; scene.items.len()]);
+            result.push(Kind::Bounds, label, finish(context.config, term, scores), vec![None; scene.items.len()]);
             return;
         }
         if anchors.is_empty() {
@@ -182,6 +269,7 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
                 missing_anchor_score(context, &term.anchors[0])
             };
             result.push(
+                kind,
                 format!("{label} (no such anchor in the map)"),
                 vec![missing; scene.items.len()],
                 vec![None; scene.items.len()],
@@ -191,23 +279,51 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
         if term.word.needs_viewer() {
             let place = scene.items[anchors[0].0].bounds.center().xy();
             result.see(scene.view_to(place).frame);
+            kind = kind_of_relation(scene, term, Some(anchors[0].0));
+            if context.config.presume_present && !term.negated {
+                push_readings(context, term, &anchors, result);
+            }
         }
-        best_anchors(&result.total, |target| {
-            let score = |(anchor, weight): &(usize, f32)| {
-                let holds = match context.config.presume_present {
-                    true => likeness::raw_score(scene, term.word, target, *anchor),
-                    false => relate::relation_score(scene, term.word, target, *anchor),
-                };
-                (*anchor, weight * holds)
-            };
-            anchors.iter().filter(|(anchor, _)| *anchor != target).map(score).collect()
-        })
+        let holds = |target, anchor| match context.config.presume_present {
+            true => likeness::raw_score(scene, term.word, target, anchor),
+            false => relate::relation_score(scene, term.word, target, anchor),
+        };
+        best_anchors(&result.total, |target| best_anchor(&anchors, target, holds))
     };
     if context.config.presume_present {
         likeness::relative_to_best(&mut scores, &result.total);
     }
     let scores = finish(context.config, term, scores);
-    result.push(label, scores, anchors);
+    result.push(kind, label, scores, anchors);
+}
+
+/// The best anchor of a target and the score with it; ties go to the likelier anchor. `anchors` are sorted by weight, so
+/// that the search ends where no further one can win.
+fn best_anchor(anchors: &[(usize, f32)], target: usize, holds: impl Fn(usize, usize) -> f32) -> (f32, Option<usize>) {
+    let mut best = (0.0, None);
+    for (anchor, weight) in anchors.iter().filter(|(anchor, _)| *anchor != target) {
+        if *weight <= best.0 {
+            break;
+        }
+        let score = weight * holds(target, *anchor);
+        if score > best.0 {
+            best = (score, Some(*anchor));
+        }
+    }
+    best
+}
+
+/// Sides as others would read them: by the anchor's likeliest face, and as mere nearness.
+fn push_readings(context: Context<'_, '_>, term: &RelationTerm, anchors: &[(usize, f32)], result: &mut Evaluation) {
+    let scene = context.scene;
+    let side = matches!(term.word, RelationWord::LeftOf | RelationWord::RightOf);
+    let face = if side { Kind::SideFace } else { Kind::DepthFace };
+    for (kind, reading) in [(face, Reading::Face), (Kind::SideNear, Reading::Near)] {
+        let holds = |target, anchor| likeness::read_score(scene, term.word, target, anchor, reading);
+        let (mut scores, _) = best_anchors(&result.total, |target| best_anchor(anchors, target, holds));
+        likeness::relative_to_best(&mut scores, &result.total);
+        result.readings.push((kind, finish(context.config, term, scores)));
+    }
 }
 
 /// Walls, floors and ceilings bound the map but are no objects of it.
@@ -216,39 +332,41 @@ fn is_structure(context: Context<'_, '_>, entity: &Entity) -> bool {
     matches!(&entity.noun, Noun::Thing(name) if bounds(name))
 }
 
-/// "on the floor" asks for a low lower end (world z = 0 is the floor); walls and ceilings are not judged.
+/// "on the floor" asks for a low lower end (world z = 0 is the floor); walls and ceilings are judged only where the thing
+/// that is meant is known to be there: by the sides and the top of all that is known.
 fn structure_scores(context: Context<'_, '_>, term: &RelationTerm) -> Vec<f32> {
-    let is_floor = |name: &str| context.knowledge.find(name).is_some_and(|category| category.name == "floor");
-    let floor = matches!(&term.anchors[0].noun, Noun::Thing(name) if is_floor(name));
-    let judged = floor && matches!(term.word, RelationWord::On | RelationWord::Near | RelationWord::Against);
-    let score = |item: &super::scene::Item<'_>| {
-        let gap_m = (item.bounds.min.z - 0.12).max(0.0);
-        match (judged, term.negated) {
-            (true, _) => (1.0 - gap_m / 0.2).clamp(0.0, 1.0) as f32,
-            (false, negated) => {
-                if negated {
-                    0.3
-                } else {
-                    0.7
-                }
-            }
+    let bound = |name: &str| context.knowledge.find(name).map_or("", |category| category.name.as_str());
+    let bound = match &term.anchors[0].noun {
+        Noun::Thing(name) => bound(name),
+        _ => "",
+    };
+    let close = matches!(
+        term.word,
+        RelationWord::On | RelationWord::Near | RelationWord::Against | RelationWord::NextTo | RelationWord::In
+    );
+    let extent = context.scene.extent;
+    let wall_gap_m = |item: &super::scene::Item<'_>| {
+        let (low, high) = (item.bounds.min - extent.min, extent.max - item.bounds.max);
+        low.x.min(low.y).min(high.x).min(high.y).max(0.0)
+    };
+    let score = |item: &super::scene::Item<'_>| match bound {
+        "floor" if close => {
+            let gap_m = (item.bounds.min.z - 0.12).max(0.0);
+            (1.0 - gap_m / 0.2).clamp(0.0, 1.0) as f32
         }
+        "wall" if close && context.config.presume_present => (-wall_gap_m(item) / WALL_M).exp() as f32,
+        "ceiling" if close && context.config.presume_present => {
+            (-(extent.max.z - item.bounds.max.z).max(0.0) / WALL_M).exp() as f32
+        }
+        _ if term.negated => 0.3,
+        _ => 0.7,
     };
     context.scene.items.iter().map(score).collect()
 }
 
 /// For each target that still counts, the best anchor and its score.
-fn best_anchors(total: &[f32], scores_of: impl Fn(usize) -> Vec<(usize, f32)>) -> (Vec<f32>, Vec<Option<usize>>) {
-    let best = |target: usize| {
-        if total[target] < 1e-4 {
-            return (0.0, None);
-        }
-        // The first of the best, so that ties go to the better anchor.
-        let fold = |best: (f32, Option<usize>), (anchor, score): (usize, f32)| {
-            if score > best.0 { (score, Some(anchor)) } else { best }
-        };
-        scores_of(target).into_iter().fold((0.0, None), fold)
-    };
+fn best_anchors(total: &[f32], best_of: impl Fn(usize) -> (f32, Option<usize>)) -> (Vec<f32>, Vec<Option<usize>>) {
+    let best = |target: usize| if total[target] < 1e-4 { (0.0, None) } else { best_of(target) };
     (0..total.len()).map(best).unzip()
 }
 
@@ -269,15 +387,22 @@ fn between_scores(
         let missing = if context.config.presume_present { 1.0 } else { missing_anchor_score(context, entity) };
         return (vec![missing; count], vec![None; count]);
     }
+    let lies = if context.config.presume_present { likeness::between_score } else { relate::between };
     best_anchors(&result.total, |target| {
-        let pairs = first.iter().flat_map(|a| second.iter().map(move |b| (a, b)));
-        pairs
-            .filter(|(a, b)| a.0 != b.0 && a.0 != target && b.0 != target)
-            .map(|(a, b)| {
-                let lies = if context.config.presume_present { likeness::between_score } else { relate::between };
-                (a.0, a.1 * b.1 * lies(context.scene, target, a.0, b.0))
-            })
-            .collect()
+        let mut best = (0.0, None);
+        for a in first.iter().filter(|a| a.0 != target) {
+            for b in second.iter().filter(|b| b.0 != target && b.0 != a.0) {
+                // Sorted by weight: no further one can win.
+                if a.1 * b.1 <= best.0 {
+                    break;
+                }
+                let score = a.1 * b.1 * lies(context.scene, target, a.0, b.0);
+                if score > best.0 {
+                    best = (score, Some(a.0));
+                }
+            }
+        }
+        best
     })
 }
 
@@ -304,7 +429,8 @@ fn push_comparison(context: Context<'_, '_>, term: &RelationTerm, result: &mut E
             true => 1.0,
             false => missing_anchor_score(context, &term.anchors[0]),
         };
-        result.push(format!("{label} (no such anchor in the map)"), vec![missing; count], vec![None; count]);
+        let kind = kind_of_relation(context.scene, term, None);
+        result.push(kind, format!("{label} (no such anchor in the map)"), vec![missing; count], vec![None; count]);
         return;
     }
     let sign = if matches!(term.word, RelationWord::Closest) { 1.0 } else { -1.0 };
@@ -318,7 +444,8 @@ fn push_comparison(context: Context<'_, '_>, term: &RelationTerm, result: &mut E
         select::rank_scores(&keys, &result.total, 1, COMPARED_SHARE, 0.03)
     };
     let scores = finish(context.config, term, scores);
-    result.push(label, scores, found.iter().map(|f| f.and_then(|(_, anchor)| anchor)).collect());
+    let kind = kind_of_relation(context.scene, term, None);
+    result.push(kind, label, scores, found.iter().map(|f| f.and_then(|(_, anchor)| anchor)).collect());
 }
 
 /// For each item, the distance in metres to the nearest of the likeliest anchors, and which it is.

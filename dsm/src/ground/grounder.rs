@@ -8,6 +8,7 @@ use super::filter::{self, Context};
 use super::noun::Names;
 use super::parse::{Attachment, parse_query};
 use super::query::{Entity, Noun, Query};
+use super::referring::{Features, RankingWeights, features_of, find_mentions};
 use super::retrieve;
 use super::rooms;
 use super::scene::Scene;
@@ -28,6 +29,16 @@ pub struct Grounder {
     config: GroundConfig,
     knowledge: Arc<Knowledge>,
     verifier: Box<dyn Verifier>,
+    weights: RankingWeights,
+}
+
+/// Evidence for each candidate of a text where the thing that is meant is known to be there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ranking {
+    /// The candidates.
+    pub ids: Vec<ObjectId>,
+    /// Evidence by name of [`RankingWeights::names`], one row per candidate.
+    pub rows: Vec<Vec<f32>>,
 }
 
 impl Grounder {
@@ -38,12 +49,18 @@ impl Grounder {
     pub fn new(config: GroundConfig, knowledge: Arc<Knowledge>) -> Result<Self, GroundConfigError> {
         config.validate()?;
         let verifier = Box::new(EmbeddedVerifier::new(Arc::clone(&knowledge)));
-        Ok(Self { config, knowledge, verifier })
+        Ok(Self { config, knowledge, verifier, weights: RankingWeights::fitted() })
     }
 
     /// Replaces the verifier, for example by one that asks a vision-language model.
     pub fn with_verifier(mut self, verifier: Box<dyn Verifier>) -> Self {
         self.verifier = verifier;
+        self
+    }
+
+    /// Replaces the weights of evidence, which count where the thing that is meant is known to be there.
+    pub fn with_weights(mut self, weights: RankingWeights) -> Self {
+        self.weights = weights;
         self
     }
 
@@ -65,18 +82,14 @@ impl Grounder {
         let tokens = tokens_of(text);
         let words = without_verb(&tokens);
         let names = Names::of(map, self.config.presume_present);
+        if self.config.presume_present && !words.is_empty() {
+            return self.ground_present(map, fronts, words, &names, world_from_viewer);
+        }
         let Some(near) = parse_query(words, &self.knowledge, &names, Attachment::Nearest) else {
             let reason = if tokens.is_empty() { "there are no words" } else { "no thing or room is named" };
             return Grounding::unparsed(reason, self.verifier.name());
         };
-        let scene = Scene::new(map, world_from_viewer).with_fronts(fronts);
-        if self.config.presume_present {
-            let query = self.with_known_noun(&scene, near, words, &names);
-            return match self.faced(&scene, &query) {
-                Some(forward) => self.answer(&scene.facing(forward), query),
-                None => self.answer(&scene, query),
-            };
-        }
+        let scene = Scene::new(map, &self.knowledge, world_from_viewer).with_fronts(fronts);
         let answer = self.answer(&scene, near.clone());
         if answer.status == GroundingStatus::Found {
             return answer;
@@ -90,6 +103,59 @@ impl Grounder {
         }
     }
 
+    /// As [`ground_with_fronts`](Self::ground_with_fronts), where the thing that is meant is known to be there.
+    fn ground_present(
+        &self,
+        map: &Map,
+        fronts: &BTreeMap<ObjectId, [f64; 2]>,
+        words: &[String],
+        names: &Names,
+        world_from_viewer: Option<&Pose>,
+    ) -> Grounding {
+        let scene = Scene::new(map, &self.knowledge, world_from_viewer).with_fronts(fronts);
+        let (scene, query) = self.understand(scene, words, names);
+        let context = Context { scene: &scene, knowledge: &self.knowledge, config: &self.config };
+        let (mut evaluation, features) = self.weigh(context, &query, words);
+        evaluation.total.fill(0.0);
+        for (item, share) in features.items.iter().zip(self.weights.rank(&features)) {
+            evaluation.total[*item] = share;
+        }
+        self.decide(&scene, query, evaluation)
+    }
+
+    /// The evidence for each candidate of a text, before it is weighed; for fitting the weights.
+    pub fn rank_evidence(&self, map: &Map, fronts: &BTreeMap<ObjectId, [f64; 2]>, text: &str) -> Ranking {
+        let tokens = tokens_of(text);
+        let words = without_verb(&tokens);
+        let names = Names::of(map, true);
+        let scene = Scene::new(map, &self.knowledge, None).with_fronts(fronts);
+        let (scene, query) = self.understand(scene, words, &names);
+        let context = Context { scene: &scene, knowledge: &self.knowledge, config: &self.config };
+        let (_, features) = self.weigh(context, &query, words);
+        Ranking {
+            ids: features.items.iter().map(|item| scene.items[*item].object.id).collect(),
+            rows: features.rows.iter().map(|row| row.to_vec()).collect(),
+        }
+    }
+
+    /// The query, and the scene as seen from where the words place the viewer.
+    fn understand<'a>(&self, scene: Scene<'a>, words: &[String], names: &Names) -> (Scene<'a>, Query) {
+        let anything = || Query { target: Entity::named(Noun::Anything), viewpoint: None };
+        let query = parse_query(words, &self.knowledge, names, Attachment::Nearest).unwrap_or_else(anything);
+        let query = self.with_known_noun(&scene, query, words, names);
+        match self.faced(&scene, &query) {
+            Some(forward) => (scene.facing(forward), query),
+            None => (scene, query),
+        }
+    }
+
+    fn weigh(&self, context: Context<'_, '_>, query: &Query, words: &[String]) -> (filter::Evaluation, Features) {
+        let mentions = find_mentions(context.scene, &self.knowledge, words);
+        let evaluation = filter::evaluate_with(context, &query.target, &mentions);
+        let features = features_of(context, query, words, &mentions, &evaluation);
+        (evaluation, features)
+    }
+
     /// When nothing bears the target's name: the first thing that is named but no anchor, else anything.
     fn with_known_noun(&self, scene: &Scene<'_>, mut query: Query, words: &[String], names: &Names) -> Query {
         let fits = |noun: &Noun| retrieve::literal_noun_scores(scene, noun, &self.knowledge).iter().any(|s| *s > 0.0);
@@ -98,10 +164,12 @@ impl Grounder {
         }
         let mut anchors = Vec::new();
         collect_anchors(&query.target, &mut anchors);
+        let is_bound = |phrase: &str| matches!(phrase, "wall" | "walls" | "floor" | "ceiling" | "object" | "objects");
         let named = (0..words.len()).find_map(|start| {
             let ends = (start + 1..=words.len().min(start + 3)).rev();
-            ends.map(|end| words[start..end].join(" "))
-                .find(|phrase| names.contain(phrase) && !anchors.iter().any(|anchor| anchor == phrase))
+            ends.map(|end| words[start..end].join(" ")).find(|phrase| {
+                names.contain(phrase) && !is_bound(phrase) && !anchors.iter().any(|anchor| anchor == phrase)
+            })
         });
         query.target.noun = named.map_or(Noun::Anything, Noun::Thing);
         query
@@ -135,6 +203,10 @@ impl Grounder {
         }
         // Stages 1 and 2: retrieval and the relation filter.
         let evaluation = filter::evaluate(context, &query.target);
+        self.decide(scene, query, evaluation)
+    }
+
+    fn decide(&self, scene: &Scene<'_>, query: Query, evaluation: filter::Evaluation) -> Grounding {
         let mut choices = decide::best_choices(&evaluation, self.config.top_k);
         // Stage 3: verification of the top k in views.
         if self.config.verify && self.verifier.wants_views(&query) {

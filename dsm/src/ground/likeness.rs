@@ -36,6 +36,63 @@ fn frame_at(scene: &Scene<'_>, anchor: usize) -> (Vector2<f64>, Vector2<f64>) {
     }
 }
 
+/// A way to read a side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reading {
+    /// For one who faces the anchor's likeliest face: away from the wall it stands at, else across its long side.
+    Face,
+    /// Only near.
+    Near,
+}
+
+/// How well `word` holds of `target` and `anchor` when sides are read so.
+pub(super) fn read_score(scene: &Scene<'_>, word: RelationWord, target: usize, anchor: usize, reading: Reading) -> f32 {
+    let (a, b) = (&scene.items[target].bounds, &scene.items[anchor].bounds);
+    let score = match reading {
+        Reading::Near => (-distance_m(a, b) / NEAR_M).exp(),
+        Reading::Face => {
+            let forward = -face_of(scene, b);
+            directed(word, a, b, (Vector2::new(-forward.y, forward.x), forward))
+        }
+    };
+    score as f32
+}
+
+/// Things closer than this to a side of the scene stand at its wall, metres.
+const AT_WALL_M: f64 = 0.4;
+/// From this ratio of its sides on, a thing is taken to face across its long side.
+const OBLONG: f64 = 1.3;
+
+/// Where a thing without a known front faces as a rule; unit, along an axis.
+pub(super) fn face_of(scene: &Scene<'_>, b: &Aabb) -> Vector2<f64> {
+    let extent = scene.extent;
+    let walls = [
+        (b.min.x - extent.min.x, Vector2::x()),
+        (extent.max.x - b.max.x, -Vector2::x()),
+        (b.min.y - extent.min.y, Vector2::y()),
+        (extent.max.y - b.max.y, -Vector2::y()),
+    ];
+    let size = b.size();
+    let across_x = size.y > OBLONG * size.x;
+    let across_y = size.x > OBLONG * size.y;
+    let faces = |axis: &Vector2<f64>| match (across_x, across_y) {
+        (true, _) => axis.x != 0.0,
+        (_, true) => axis.y != 0.0,
+        _ => true,
+    };
+    let nearest = walls.iter().filter(|(gap, axis)| *gap < AT_WALL_M && faces(axis));
+    if let Some((_, axis)) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)) {
+        return *axis;
+    }
+    let to_center = scene.center - b.center().xy();
+    let along_x = if across_x || across_y { across_x } else { to_center.x.abs() > to_center.y.abs() };
+    if along_x {
+        Vector2::x() * if to_center.x < 0.0 { -1.0 } else { 1.0 }
+    } else {
+        Vector2::y() * if to_center.y < 0.0 { -1.0 } else { 1.0 }
+    }
+}
+
 /// Distance between boxes with ties broken by their centres.
 pub(super) fn distance_m(a: &Aabb, b: &Aabb) -> f64 {
     box_distance_m(a, b) + TIE * (a.center() - b.center()).norm()
@@ -61,23 +118,22 @@ pub(super) fn raw_score(scene: &Scene<'_>, word: RelationWord, target: usize, an
         }
         RelationWord::With => strict().max(0.6 * near(0.5)),
         RelationWord::LeftOf | RelationWord::RightOf | RelationWord::InFrontOf | RelationWord::Behind => {
-            directed(scene, word, a, anchor)
+            directed(word, a, b, frame_at(scene, anchor))
         }
         RelationWord::Between => 0.0,
     };
     score as f32
 }
 
-/// Left, right, in front and behind: by the angle to the direction, and less the farther away.
-fn directed(scene: &Scene<'_>, word: RelationWord, a: &Aabb, anchor: usize) -> f64 {
-    let (left, forward) = frame_at(scene, anchor);
+/// Left, right, in front and behind of `b`, in a frame of the viewer's left and forward: by the angle to the direction,
+/// and less the farther away.
+fn directed(word: RelationWord, a: &Aabb, b: &Aabb, (left, forward): (Vector2<f64>, Vector2<f64>)) -> f64 {
     let wanted = match word {
         RelationWord::LeftOf => left,
         RelationWord::RightOf => -left,
         RelationWord::InFrontOf => -forward,
         _ => forward,
     };
-    let b = &scene.items[anchor].bounds;
     let offset = a.center().xy() - b.center().xy();
     let cosine = offset.dot(&wanted) / offset.norm().max(1e-6);
     let level = 0.7 + 0.3 * f64::from(u8::from(height_share(a, b).max(height_share(b, a)) > 0.1));

@@ -36,6 +36,7 @@ mod modifiers;
 mod noun;
 mod parse;
 mod query;
+mod referring;
 mod relate;
 mod retrieve;
 mod rooms;
@@ -52,9 +53,10 @@ mod tests;
 pub use answer::{Candidate, Grounding, GroundingStatus, ReferenceFrame};
 pub use command::{Action, Command, Unparsed, parse_command};
 pub use config::{GroundConfig, GroundConfigError};
-pub use grounder::Grounder;
+pub use grounder::{Grounder, Ranking};
 pub use query::{
     Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection, Viewpoint,
 };
+pub use referring::RankingWeights;
 pub use verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
 pub use views::CandidateViews;

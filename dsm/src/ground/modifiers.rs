@@ -170,7 +170,19 @@ impl Parser<'_> {
             return;
         }
         self.about_target = None;
-        let Some(mut first) = self.parse_entity(depth + 1) else { return };
+        let start = self.at;
+        let mut first = match self.parse_entity(depth + 1) {
+            Some(first) => first,
+            // "to the right of another": of its own kind.
+            None if self.lenient
+                && self.tokens[start..self.at.max(start)]
+                    .iter()
+                    .any(|word| matches!(word.as_str(), "another" | "other")) =>
+            {
+                Entity::named(entity.noun.clone())
+            }
+            None => return,
+        };
         if self.lenient && first.noun == Noun::Anything && first.relations.is_empty() {
             // "in the middle of the other two", "next to the tall one"
             first.noun = entity.noun.clone();

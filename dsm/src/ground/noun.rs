@@ -28,9 +28,10 @@ pub(super) struct Names {
 impl Names {
     /// The winning names of the stable objects, with their singular forms.
     pub(super) fn of(map: &Map, lenient: bool) -> Self {
+        let said: BTreeSet<&str> = map.stable_objects().map(|object| object.name()).collect();
         let mut names = BTreeSet::new();
-        for object in map.stable_objects() {
-            let name = normalize(object.name());
+        for name in said {
+            let name = normalize(name);
             names.extend(singular_of(&name));
             names.insert(name);
         }
@@ -52,11 +53,16 @@ pub(super) fn find_head(run: &[String], knowledge: &Knowledge, names: &Names) ->
     let head = |noun, start, known| Head { noun, start, known, part_or_group: false };
     let last = run.len() - 1;
     if words::is_part_or_group(&run[last]) && run.len() == 1 {
+        if names.lenient && matches!(run[last].as_str(), "surface" | "piece" | "kind" | "type") {
+            return Head { part_or_group: true, ..head(Noun::Anything, last, false) };
+        }
         return Head { part_or_group: true, ..head(Noun::Thing(run[last].clone()), last, false) };
     }
     for start in 0..run.len() {
         let phrase = run[start..].join(" ");
-        if names.contain(&phrase) {
+        // "the object is ..." speaks of any thing, even where something has no better name than "object".
+        let vague = names.lenient && run.len() == 1 && words::is_anything(&phrase);
+        if !vague && names.contain(&phrase) {
             return head(Noun::Thing(phrase), start, true);
         }
         if let Some(room) = knowledge.words().rooms.find(&phrase) {

@@ -201,6 +201,12 @@ impl Parser<'_> {
                 "a" | "an" | "some" | "any" | "another" => article = Article::Indefinite,
                 "the" | "this" | "that" | "these" | "those" | "my" | "your" | "our" | "his" | "her" | "its" | "all"
                 | "very" | "both" | "other" => article = Article::Definite,
+                // "two other chairs", "a mounted lamp": what follows is the thing.
+                "two" | "three" | "four" | "five" | "six" | "several" | "many" | "multiple" | "2" | "3" | "4"
+                | "mounted" | "standing" | "hanging"
+                    if self.rest().get(1).is_some_and(|next| {
+                        matches!(next.as_str(), "other" | "of" | "the") || !words::is_function_word(next)
+                    }) && words::find_relation(&self.rest()[1..]).is_none() => {}
                 _ => break,
             }
             self.at += 1;

@@ -50,6 +50,9 @@ pub(super) fn height_share(a: &Aabb, b: &Aabb) -> f64 {
 /// Whether `a` rests on the top face of `b`, or on a board within it when `b` is high and open (a shelf).
 fn rests_on(a: &Aabb, b: &Aabb) -> f64 {
     let over = falling(-footprint_overlap(a, b), -0.3, -0.05);
+    if over <= 0.0 {
+        return 0.0;
+    }
     let smaller = falling(footprint_area(a) / footprint_area(b), 1.5, 4.0);
     let top = falling((a.min.z - b.max.z).abs(), 0.06, 0.2);
     over * smaller * top
@@ -76,6 +79,9 @@ fn lies_in(a: &Aabb, b: &Aabb) -> f64 {
 fn beside(a: &Aabb, b: &Aabb, full_m: f64, none_m: f64) -> f64 {
     let reach = 0.25 * a.size().xy().max().max(b.size().xy().max());
     let gap = falling(box_distance_m(a, b), full_m + 0.3 * reach, none_m + reach);
+    if gap <= 0.0 {
+        return 0.0;
+    }
     let stacked = rests_on(a, b).max(rests_on(b, a));
     let level = 0.4 + 0.6 * f64::from(u8::from(height_share(a, b).max(height_share(b, a)) > 0.1));
     gap * level * (1.0 - 0.7 * stacked)

@@ -26,7 +26,7 @@ const SYNONYM: f32 = 0.85;
 pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge) -> Vec<f32> {
     let asked = match noun {
         Noun::Thing(name) => name,
-        Noun::Anything => return scene.items.iter().map(|item| anything_score(item, knowledge)).collect(),
+        Noun::Anything => return scene.categories.iter().map(|category| anything_score(*category)).collect(),
         Noun::Room(_) => return vec![0.0; scene.items.len()],
     };
     let spelled = normalize(asked);
@@ -123,8 +123,8 @@ fn grade(similarity: f32) -> (f32, f32) {
 }
 
 /// Walls and floors are not what "something" means.
-fn anything_score(item: &Item<'_>, knowledge: &Knowledge) -> f32 {
-    let structure = knowledge.find(item.object.name()).is_some_and(|category| category.is_a("structure"));
+fn anything_score(category: Option<&Category>) -> f32 {
+    let structure = category.is_some_and(|category| category.is_a("structure"));
     if structure { 0.3 } else { 1.0 }
 }
 

@@ -3,6 +3,7 @@
 use super::answer::ReferenceFrame;
 use crate::Pose;
 use crate::geometry::Aabb;
+use crate::knowledge::{Category, Knowledge};
 use crate::map::{Map, MapObject, ObjectId, RelationKind, Room};
 use nalgebra::{Point2, Point3, Vector2};
 use std::collections::BTreeMap;
@@ -18,8 +19,12 @@ pub(super) struct Item<'a> {
 pub(super) struct Scene<'a> {
     pub(super) map: &'a Map,
     pub(super) items: Vec<Item<'a>>,
-    /// Stored relations by (from, to) index.
-    edges: BTreeMap<(usize, usize), Vec<(RelationKind, f32)>>,
+    /// Category by item, where its name is known.
+    pub(super) categories: Vec<Option<&'a Category>>,
+    /// Stored relations by the item they start from: where they lead, kind, confidence.
+    edges: Vec<Vec<(usize, RelationKind, f32)>>,
+    /// The box around all objects; empty at the origin without any.
+    pub(super) extent: Aabb,
     /// Middle of all objects, in the world frame.
     pub(super) center: Point2<f64>,
     viewer: Option<Point2<f64>>,
@@ -40,16 +45,23 @@ pub(super) struct View {
 const NEAREST_VIEW_M: f64 = 0.3;
 
 impl<'a> Scene<'a> {
-    pub(super) fn new(map: &'a Map, world_from_viewer: Option<&Pose>) -> Self {
+    pub(super) fn new(map: &'a Map, knowledge: &'a Knowledge, world_from_viewer: Option<&Pose>) -> Self {
         let items: Vec<Item<'a>> =
             map.stable_objects().map(|object| Item { object, bounds: object.bounds.aabb() }).collect();
         let index_of: BTreeMap<_, usize> = items.iter().enumerate().map(|(i, item)| (item.object.id, i)).collect();
-        let mut edges: BTreeMap<(usize, usize), Vec<(RelationKind, f32)>> = BTreeMap::new();
+        let mut edges = vec![Vec::new(); items.len()];
         for relation in &map.relations {
             if let (Some(&from), Some(&to)) = (index_of.get(&relation.from), index_of.get(&relation.to)) {
-                edges.entry((from, to)).or_default().push((relation.kind, relation.confidence));
+                edges[from].push((to, relation.kind, relation.confidence));
             }
         }
+        // Many objects share a name, and looking one up costs more than all else that is done per object here.
+        let mut known: BTreeMap<&str, Option<&Category>> = BTreeMap::new();
+        let mut category = |item: &Item<'a>| {
+            let name = item.object.name();
+            *known.entry(name).or_insert_with(|| knowledge.find(name))
+        };
+        let categories = items.iter().map(&mut category).collect();
         let mut all: Option<Aabb> = None;
         for item in &items {
             all =
@@ -58,19 +70,11 @@ impl<'a> Scene<'a> {
                     max: b.max.sup(&item.bounds.max),
                 }));
         }
-        let center = all.map_or(Point2::origin(), |b| b.center().xy());
+        let extent = all.unwrap_or(Aabb { min: Point3::origin(), max: Point3::origin() });
+        let center = extent.center().xy();
         let viewer = world_from_viewer.map(|pose| Point3::from(pose.translation.vector).xy());
         let viewer = viewer.filter(|v| v.coords.iter().all(|c| c.is_finite()));
-        Self { map, items, edges, center, viewer, fronts: BTreeMap::new(), told: None }
-    }
-
-    /// The box around all objects; empty at the origin without any.
-    pub(super) fn extent(&self) -> Aabb {
-        let first =
-            self.items.first().map_or(Aabb { min: Point3::origin(), max: Point3::origin() }, |item| item.bounds);
-        self.items
-            .iter()
-            .fold(first, |all, item| Aabb { min: all.min.inf(&item.bounds.min), max: all.max.sup(&item.bounds.max) })
+        Self { map, items, categories, edges, extent, center, viewer, fronts: BTreeMap::new(), told: None }
     }
 
     /// As seen by a viewer who looks in the direction `forward`.
@@ -96,8 +100,8 @@ impl<'a> Scene<'a> {
 
     /// Confidence of a stored relation, 0 when it is not stored.
     pub(super) fn stored(&self, from: usize, to: usize, kind: RelationKind) -> f32 {
-        let kinds = self.edges.get(&(from, to)).map_or(&[][..], Vec::as_slice);
-        kinds.iter().filter(|(stored, _)| *stored == kind).map(|(_, confidence)| *confidence).fold(0.0, f32::max)
+        let edges = self.edges[from].iter().filter(|edge| edge.0 == to && edge.1 == kind);
+        edges.map(|edge| edge.2).fold(0.0, f32::max)
     }
 
     /// Where the viewer stands; without one, the middle of the map.

@@ -3,7 +3,7 @@
 use super::answer::ReferenceFrame;
 use super::query::{Order, Selection};
 use super::scene::Scene;
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 
 /// Score of the neighbour of the chosen rank; farther ones get less. Below `GroundConfig::violated_below` the choice
 /// alone would refuse them, so it stays above.
@@ -32,6 +32,48 @@ pub(super) fn rank_scores(keys: &[f64], total: &[f32], rank: u32, compared_share
     scores
 }
 
+/// Leftmost and rightmost for one who looks across the row in which the candidates stand, from the middle of the scene;
+/// `None` for other orders and where the words tell where the viewer looks.
+pub(super) fn scores_facing_the_row(
+    scene: &Scene<'_>,
+    selection: &Selection,
+    total: &[f32],
+    compared_share: f32,
+) -> Option<Vec<f32>> {
+    let sign = match selection.order {
+        Order::Leftmost => -1.0,
+        Order::Rightmost => 1.0,
+        _ => return None,
+    };
+    if scene.is_told() {
+        return None;
+    }
+    let best = total.iter().copied().fold(0.0, f32::max);
+    let peers: Vec<Point2<f64>> = (scene.items.iter().zip(total))
+        .filter(|(_, score)| **score > 0.0 && **score >= compared_share * best)
+        .map(|(item, _)| item.bounds.center().xy())
+        .collect();
+    let left = left_of_row(scene, &peers)?;
+    let keys: Vec<f64> = scene.items.iter().map(|item| sign * item.bounds.center().xy().coords.dot(&left)).collect();
+    Some(rank_scores(&keys, total, selection.rank, compared_share, 0.01))
+}
+
+/// The left of one who looks from the middle of the scene across the row of these places.
+pub(super) fn left_of_row(scene: &Scene<'_>, peers: &[Point2<f64>]) -> Option<Vector2<f64>> {
+    if peers.len() < 2 {
+        return None;
+    }
+    let middle = peers.iter().map(|p| p.coords).sum::<Vector2<f64>>() / peers.len() as f64;
+    let spread = peers.iter().map(|p| (p.coords - middle).map(|c| c * c)).sum::<Vector2<f64>>();
+    let away = middle - scene.center.coords;
+    let forward = if spread.x > spread.y {
+        Vector2::y() * if away.y < 0.0 { -1.0 } else { 1.0 }
+    } else {
+        Vector2::x() * if away.x < 0.0 { -1.0 } else { 1.0 }
+    };
+    Some(Vector2::new(-forward.y, forward.x))
+}
+
 /// Scores of a selection by item, and the frame it was read in.
 pub(super) fn selection_scores(
     scene: &Scene<'_>,
@@ -46,9 +88,9 @@ pub(super) fn selection_scores(
         .collect();
     let middle = match peers.len() {
         0 => scene.center,
-        count => Point2::from(peers.iter().map(|p| p.coords).sum::<nalgebra::Vector2<f64>>() / count as f64),
+        count => Point2::from(peers.iter().map(|p| p.coords).sum::<Vector2<f64>>() / count as f64),
     };
-    let extent = scene.extent();
+    let extent = scene.extent;
     let (eye, eye_frame) = scene.standpoint();
     let view = scene.view_to(middle);
     let key = |item: &super::scene::Item<'_>| {

@@ -45,11 +45,36 @@ pub(super) fn tokens_of(text: &str) -> Vec<String> {
         }
     }
     push(&mut word, None);
+    join_split_words(&mut tokens);
     while tokens.last().is_some_and(|last| is_mark(last)) {
         tokens.pop();
     }
     tokens.truncate(MAX_TOKENS);
     tokens
+}
+
+/// "left - most" is one word, "it 's" are two.
+fn join_split_words(tokens: &mut Vec<String>) {
+    let mut at = 0;
+    while at + 1 < tokens.len() {
+        let joined = match (tokens[at].as_str(), tokens[at + 1].as_str()) {
+            ("left" | "right" | "top" | "bottom" | "upper" | "outer" | "middle", "most") => {
+                format!("{}most", tokens[at])
+            }
+            ("it" | "that" | "there" | "which", "s") => {
+                tokens[at + 1] = "is".to_owned();
+                at += 1;
+                continue;
+            }
+            ("wall", "mounted" | "mount" | "hung") => "mounted".to_owned(),
+            _ => {
+                at += 1;
+                continue;
+            }
+        };
+        tokens[at] = joined;
+        tokens.remove(at + 1);
+    }
 }
 
 fn find_in<T: Copy>(table: &[(&str, T)], tokens: &[String]) -> Option<(usize, T)> {
@@ -75,7 +100,45 @@ pub(super) fn find_relation(tokens: &[String]) -> Option<(usize, RelationWord)> 
 
 /// The longest place without an anchor at the start, unless an anchor follows.
 pub(super) fn find_place(tokens: &[String]) -> Option<(usize, Order)> {
-    find_in(PLACES, tokens).filter(|(length, _)| tokens.get(*length).is_none_or(|next| next != "of"))
+    let listed = find_in(PLACES, tokens).filter(|(length, _)| tokens.get(*length).is_none_or(|next| next != "of"));
+    let built = find_built_place(tokens);
+    match (listed, built) {
+        (Some(listed), Some(built)) if built.0 > listed.0 => Some(built),
+        (None, built) => built,
+        (listed, _) => listed,
+    }
+}
+
+/// "in the far corner of the room", "on the top left side", "by a corner": preposition, article, describing words,
+/// "corner" or a side, and perhaps "of the room".
+fn find_built_place(tokens: &[String]) -> Option<(usize, Order)> {
+    let word = |at: usize| tokens.get(at).map_or("", String::as_str);
+    let preposition = matches!(word(0), "in" | "on" | "at" | "to" | "near" | "by" | "into" | "towards");
+    if !preposition || !matches!(word(1), "the" | "a" | "your" | "my" | "its") {
+        return None;
+    }
+    let mut at = 2;
+    while matches!(word(at), "far" | "very" | "back" | "front" | "top" | "bottom" | "upper" | "lower" | "immediate") {
+        at += 1;
+    }
+    let side = match word(at) {
+        "left" => Some(Order::Leftmost),
+        "right" => Some(Order::Rightmost),
+        _ => None,
+    };
+    at += usize::from(side.is_some());
+    let corner = matches!(word(at), "corner" | "corners");
+    at += usize::from(corner);
+    if side.is_some() && !corner {
+        at += usize::from(word(at) == "hand");
+        at += usize::from(word(at) == "side");
+    }
+    let order = side.or(corner.then_some(Order::Corner))?;
+    if word(at) == "of" {
+        let room = word(at + 1) == "the" && matches!(word(at + 2), "room" | "space" | "image" | "picture");
+        return room.then_some((at + 3, order));
+    }
+    Some((at, order))
 }
 
 /// "from the left" and the like at the start.

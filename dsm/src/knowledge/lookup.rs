@@ -20,6 +20,9 @@ impl Knowledge {
     /// a name one letter away (from 4 letters on; two from 8 letters on, and the first letter must agree) if all such
     /// names belong to one category; the head of a phrase (`chair` of "black leather chair", `bowl` of "bowl of fruit").
     pub fn find(&self, name: &str) -> Option<&Category> {
+        if let Some(&i) = self.index.get(name) {
+            return Some(&self.categories[i]);
+        }
         let name = normalize(name);
         self.find_spelled(&name)
             .or_else(|| self.find_misspelled(&name))
