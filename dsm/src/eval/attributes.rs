@@ -28,7 +28,9 @@ pub(super) struct AttributeCounts {
 }
 
 /// Words that mean the same affordance, canonical first.
-const SAME_AFFORDANCE: [(&str, &[&str]); 9] = [
+const SAME_AFFORDANCE: [(&str, &[&str]); 11] = [
+    ("move", &["push"]),
+    ("play", &["roll"]),
     ("pick up", &["grasp", "lift", "hold", "carry"]),
     ("lie", &["lie on", "sleep"]),
     ("look at", &["see", "decorate", "view"]),

@@ -1,6 +1,6 @@
 //! Names of colours from sRGB pixels.
 
-/// The eleven basic colour terms of English.
+/// The eleven basic colour terms of English, beige and cyan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ColorName {
     /// Dark without hue.
@@ -25,11 +25,15 @@ pub enum ColorName {
     Purple,
     /// Red or magenta, bright and pale.
     Pink,
+    /// Between white and brown.
+    Beige,
+    /// Between green and blue, bright.
+    Cyan,
 }
 
 impl ColorName {
     /// All names.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Black,
         Self::White,
         Self::Gray,
@@ -41,6 +45,8 @@ impl ColorName {
         Self::Blue,
         Self::Purple,
         Self::Pink,
+        Self::Beige,
+        Self::Cyan,
     ];
 
     /// The English word.
@@ -57,6 +63,8 @@ impl ColorName {
             Self::Blue => "blue",
             Self::Purple => "purple",
             Self::Pink => "pink",
+            Self::Beige => "beige",
+            Self::Cyan => "cyan",
         }
     }
 }
@@ -131,6 +139,9 @@ fn name_of(l: f32, a: f32, b: f32) -> ColorName {
         };
     }
     match hue_deg {
+        // Paler than any wood, for its lightness.
+        h if (55.0..112.0).contains(&h) && l > 50.0 && chroma < 0.36 * l => ColorName::Beige,
+        h if (185.0..222.0).contains(&h) && l > 48.0 && chroma > 14.0 => ColorName::Cyan,
         h if !(8.0..345.0).contains(&h) => {
             if l > 50.0 {
                 ColorName::Pink
@@ -194,6 +205,10 @@ mod tests {
             ([160, 110, 70], ColorName::Brown),
             ([130, 50, 160], ColorName::Purple),
             ([245, 160, 190], ColorName::Pink),
+            ([210, 190, 155], ColorName::Beige),
+            ([60, 190, 200], ColorName::Cyan),
+            ([20, 120, 120], ColorName::Green),
+            ([173, 219, 235], ColorName::Blue),
         ];
         for (srgb, name) in cases {
             assert_eq!(table.find(srgb).name, name, "{srgb:?}");

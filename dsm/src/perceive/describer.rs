@@ -12,6 +12,18 @@ const SECOND_COLOR: f32 = 0.25;
 const ROUGH: f32 = 4.5;
 /// Lightness spread (CIELAB, standard deviation) beyond shading from which a single-coloured surface is patterned.
 const PATTERNED: f32 = 14.0;
+/// Share of an object's pixels that are darker than its lit parts.
+const LIT_SHARE: f32 = 0.8;
+/// Lightness (CIELAB) of lit parts from which a thing without hue is white.
+const WHITE: f32 = 76.0;
+/// The same for what is about the lightest in view: dim light.
+const DIM_WHITE: f32 = 58.0;
+/// Share of the pixels of a frame that are darker than what counts as the lightest in view.
+const LIGHTEST_SHARE: f32 = 0.95;
+/// Lightness over that of the lightest in view from which a thing is about as light.
+const AS_LIGHT: f32 = 0.95;
+/// Pixels of a frame that are looked at for the lightest.
+const REFERENCE_PIXELS: usize = 600;
 /// Density assumed for things of unknown mass, kilograms per cubic metre of their box (hollow household things).
 const BOX_DENSITY_KG_PER_M3: f64 = 150.0;
 
@@ -37,7 +49,8 @@ impl KnowledgeDescriber {
     }
 
     fn measure(&self, view: &ObjectView) -> PixelStatistics {
-        let (mut shares, mut sum, mut squares, mut steps, mut highlights) = ([0.0f32; 11], 0.0, 0.0, 0.0, 0.0);
+        let (mut shares, mut sum, mut squares, mut steps, mut highlights) =
+            ([0.0f32; ColorName::ALL.len()], 0.0, 0.0, 0.0, 0.0);
         for &pixel in view.pixels {
             let pixel = pixel as usize;
             let color = self.colors.find(view.frame.color[pixel]);
@@ -53,6 +66,7 @@ impl KnowledgeDescriber {
         let count = view.pixels.len().max(1) as f32;
         shares.iter_mut().for_each(|share| *share /= count);
         let mean = sum / count;
+        self.settle_tone(view, &mut shares);
         PixelStatistics {
             shares,
             lightness_spread: (squares / count - mean * mean).max(0.0).sqrt(),
@@ -60,6 +74,30 @@ impl KnowledgeDescriber {
             highlights: highlights / count,
         }
     }
+
+    /// Gives what is white or gray of a view to one of the two. Light only takes lightness away: a thing is as light as its
+    /// lit parts, and what is about the lightest in view is white though the light be dim.
+    fn settle_tone(&self, view: &ObjectView, shares: &mut [f32]) {
+        let (white, gray) = (ColorName::White as usize, ColorName::Gray as usize);
+        let both = shares[white] + shares[gray];
+        if both == 0.0 {
+            return;
+        }
+        let tones = view.pixels.iter().map(|pixel| self.colors.find(view.frame.color[*pixel as usize]));
+        let tones = tones.filter(|color| matches!(color.name, ColorName::White | ColorName::Gray));
+        let lit = find_quantile(tones.map(|color| color.lightness).collect(), LIT_SHARE);
+        let step = view.frame.color.len().div_ceil(REFERENCE_PIXELS).max(1);
+        let all = view.frame.color.iter().step_by(step).map(|pixel| self.colors.find(*pixel).lightness);
+        let lightest = find_quantile(all.collect(), LIGHTEST_SHARE);
+        let is_white = lit > WHITE || lit > DIM_WHITE && lit > AS_LIGHT * lightest;
+        (shares[white], shares[gray]) = if is_white { (both, 0.0) } else { (0.0, both) };
+    }
+}
+
+/// The value below which a share of the values lies; 0 for none.
+fn find_quantile(mut values: Vec<f32>, share: f32) -> f32 {
+    let index = (share * values.len() as f32) as usize;
+    if index < values.len() { *values.select_nth_unstable_by(index, f32::total_cmp).1 } else { 0.0 }
 }
 
 impl Describer for KnowledgeDescriber {
@@ -128,7 +166,7 @@ impl Describer for KnowledgeDescriber {
 
 /// Whether one name is what shading makes of the other; then both together are no pattern.
 fn is_shade(first: ColorName, second: ColorName) -> bool {
-    use ColorName::{Black, Brown, Gray, Orange, Pink, Red, White, Yellow};
+    use ColorName::{Beige, Black, Brown, Gray, Orange, Pink, Red, White, Yellow};
     let pair = if first < second { (first, second) } else { (second, first) };
     matches!(
         pair,
@@ -141,6 +179,10 @@ fn is_shade(first: ColorName, second: ColorName) -> bool {
             | (Red, Orange)
             | (Orange, Yellow)
             | (Black, Brown)
+            | (Brown, Beige)
+            | (Yellow, Beige)
+            | (White, Beige)
+            | (Gray, Beige)
     )
 }
 
@@ -154,7 +196,7 @@ fn material_votes(category: Option<&Category>, color: ColorName, statistics: &Pi
         .map(|(rank, material)| {
             let prior = 1.0 / (1.0 + rank as f32);
             let seen = match material.as_str() {
-                "wood" if matches!(color, ColorName::Brown | ColorName::Orange) => 0.8,
+                "wood" if matches!(color, ColorName::Brown | ColorName::Orange | ColorName::Beige) => 0.8,
                 "wood" if matches!(color, ColorName::Gray) => -0.3,
                 "metal" | "steel" | "stainless steel" if color == ColorName::Gray => 0.6,
                 "metal" | "glass" if statistics.highlights > 0.03 => 0.3,
@@ -178,5 +220,49 @@ fn smoothness_of(material: &str) -> Option<&'static str> {
         "wood" | "paper" | "cardboard" | "stone" => Some("even"),
         "fabric" | "cloth" | "cotton" | "wool" | "wicker" | "foam" => Some("soft"),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: white things are white in dim light too, gray things are not, also when they fill half of the view.
+    use super::*;
+    use crate::camera::CameraModel;
+    use crate::frame::{FrameId, RgbdFrame};
+    use crate::time::Stamp;
+    use nalgebra::Vector3;
+
+    /// A thing of one colour that covers the left half, with a side in the shade, before a wall.
+    fn name(thing: u8, wall: u8, light: f32) -> String {
+        let shade = |value: u8, share: f32| [(f32::from(value) * share * light) as u8; 3];
+        let color = (0..64 * 48).map(|pixel| match pixel % 64 {
+            0..10 => shade(thing, 1.0),
+            10..32 => shade(thing, 0.75),
+            _ => shade(wall, 1.0),
+        });
+        let frame = RgbdFrame {
+            id: FrameId(0),
+            stamp: Stamp::default(),
+            camera: "head".into(),
+            model: CameraModel::from_vertical_fov(64, 48, 0.9),
+            world_from_camera: crate::Pose::identity(),
+            color: color.collect(),
+            depth_m: vec![1.0; 64 * 48],
+        };
+        let pixels: Vec<u32> = (0..64 * 48).filter(|pixel| pixel % 64 < 32).collect();
+        let view = ObjectView { frame: &frame, pixels: &pixels, name: "box", extent_m: Vector3::repeat(0.2) };
+        let describer = KnowledgeDescriber::new(Arc::new(Knowledge::embedded().unwrap()));
+        let votes = describer.describe(&view);
+        let colors = votes.iter().filter(|vote| vote.key == "color");
+        colors.max_by(|a, b| a.weight.total_cmp(&b.weight)).unwrap().word.clone()
+    }
+
+    #[test]
+    fn dim_light_turns_no_white_thing_gray() {
+        for light in [1.0, 0.8, 0.7] {
+            assert_eq!(name(240, 205, light), "white", "light {light}");
+            assert_eq!(name(125, 205, light), "gray", "light {light}");
+            assert_eq!(name(160, 235, light), "gray", "light {light}");
+        }
     }
 }
