@@ -12,18 +12,7 @@ const SIMULATED_S: f64 = 10.0;
 
 fn bench(criterion: &mut Criterion) {
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/apartment/scene.xml");
-    let spec = RunSpec {
-        name: "bench".into(),
-        file: scene.clone(),
-        episode: Episode::exploration(scene.clone(), SIMULATED_S),
-        scene,
-        robot: "porter".into(),
-        physics: "rapier".into(),
-        perception: "noisy".into(),
-        seed: 1,
-        time_limit_s: SIMULATED_S,
-        permute_labels: false,
-    };
+    let spec = RunSpec { seed: 1, ..RunSpec::new("bench", Episode::exploration(scene, SIMULATED_S)) };
     let mut group = criterion.benchmark_group("episode");
     group.sample_size(10);
     group.bench_function("explore_10_s", |bencher| {

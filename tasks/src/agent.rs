@@ -5,7 +5,7 @@
 
 use crate::deferred::Deferred;
 use crate::error::TaskError;
-use crate::journal::Journal;
+use crate::journal::{Journal, Moment};
 use crate::perception::Perception;
 use dsm::Pose;
 use dsm::build::Carrier;
@@ -121,6 +121,7 @@ pub struct Agent {
     deadline: Stamp,
     interrupted: Arc<AtomicBool>,
     on_tick: Box<dyn FnMut()>,
+    on_frame: OnFrame,
     /// Cameras that are read; the head's always is.
     pub watched: Vec<String>,
     /// Where the head looks.
@@ -136,6 +137,9 @@ pub struct Agent {
     /// What happened, for the report.
     pub journal: Journal,
 }
+
+/// Is shown each frame.
+pub type OnFrame = Box<dyn FnMut(&Moment<'_>)>;
 
 /// What [`Agent::new`] needs.
 pub struct Parts {
@@ -153,6 +157,8 @@ pub struct Parts {
     pub interrupted: Arc<AtomicBool>,
     /// Called once a tick, after time has passed.
     pub on_tick: Box<dyn FnMut()>,
+    /// Called with each frame, before it is learned from.
+    pub on_frame: OnFrame,
 }
 
 impl Agent {
@@ -168,6 +174,7 @@ impl Agent {
             deadline: parts.deadline,
             interrupted: parts.interrupted,
             on_tick: parts.on_tick,
+            on_frame: parts.on_frame,
             watched: vec!["head".into()],
             gaze: Gaze::AHEAD,
             grip: None,
@@ -240,6 +247,7 @@ impl Agent {
             )),
         };
         self.journal.note_frame(&frame, &world_from_base);
+        (self.on_frame)(&Moment { frame: &frame, map: &self.map, journal: &self.journal });
         self.frames.insert(frame.camera.to_string(), Seen { frame: frame.clone(), world_from_base });
         Ok(self.perception.submit(frame, carrier)?)
     }

@@ -210,19 +210,66 @@ impl Episode {
     }
 }
 
+impl Step {
+    /// A command in English.
+    pub fn command(text: impl Into<String>) -> Self {
+        Self { command: Some(text.into()), ..Self::default() }
+    }
+}
+
+impl Expectation {
+    /// Something of a kind with the usual distances and times, about nothing yet.
+    fn of(kind: ExpectationKind) -> Self {
+        Self {
+            kind,
+            object: None,
+            room: None,
+            surface: None,
+            within_m: default_within_m(),
+            height_m: default_height_m(),
+            hold_s: default_hold_s(),
+        }
+    }
+
+    /// The robot ends near an object (MJCF body) with the object in view.
+    pub fn robot_near_object(object: impl Into<String>) -> Self {
+        Self { object: Some(object.into()), ..Self::of(ExpectationKind::RobotNear) }
+    }
+
+    /// The robot ends in a room of the scene's semantics.
+    pub fn robot_in_room(room: impl Into<String>) -> Self {
+        Self { room: Some(room.into()), ..Self::of(ExpectationKind::RobotNear) }
+    }
+
+    /// An object is lifted and held.
+    pub fn object_lifted(object: impl Into<String>) -> Self {
+        Self { object: Some(object.into()), ..Self::of(ExpectationKind::ObjectLifted) }
+    }
+
+    /// An object rests on another body.
+    pub fn object_on(object: impl Into<String>, surface: impl Into<String>) -> Self {
+        Self { surface: Some(surface.into()), object: Some(object.into()), ..Self::of(ExpectationKind::ObjectOn) }
+    }
+}
+
 impl Episode {
+    /// An episode without steps and expectations, in a scene (its MJCF file or folder), with the defaults of a file.
+    pub fn new(scene: impl Into<PathBuf>) -> Self {
+        Self {
+            version: EPISODE_VERSION,
+            scene: scene.into(),
+            robot: default_robot(),
+            seed: 0,
+            time_limit_s: default_time_limit_s(),
+            start: None,
+            steps: Vec::new(),
+            expectations: Vec::new(),
+        }
+    }
+
     /// An episode that only explores.
     pub fn exploration(scene: PathBuf, time_limit_s: f64) -> Self {
         let step = Step { skill: Some(SkillName::Explore), ..Step::default() };
-        Self {
-            version: EPISODE_VERSION,
-            scene,
-            robot: default_robot(),
-            seed: 0,
-            time_limit_s,
-            start: None,
-            steps: vec![step],
-            expectations: Vec::new(),
-        }
+        Self { time_limit_s, steps: vec![step], ..Self::new(scene) }
     }
 }

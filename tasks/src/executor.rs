@@ -305,7 +305,7 @@ fn failed(skill: &'static str, stage: Stage, reason: String, grounding: Option<G
     Done { outcome: StepOutcome::Failed, reason, skill, grounding, stage: Some(stage) }
 }
 
-fn reason_of(halt: &Halt) -> (Stage, String) {
+pub(crate) fn reason_of(halt: &Halt) -> (Stage, String) {
     match halt {
         Halt::TimeUp => (Stage::Time, "the simulated time is up".into()),
         Halt::Interrupted => (Stage::Safety, "interrupted".into()),
@@ -314,7 +314,7 @@ fn reason_of(halt: &Halt) -> (Stage, String) {
     }
 }
 
-fn words_of(step: &Step) -> String {
+pub(crate) fn words_of(step: &Step) -> String {
     step.command.clone().unwrap_or_else(|| match (step.skill, &step.target) {
         (Some(skill), Some(target)) => format!("{skill:?} {target}").to_lowercase(),
         (Some(skill), None) => format!("{skill:?}").to_lowercase(),

@@ -3,7 +3,7 @@
 use crate::perception::Learned;
 use dsm::Pose;
 use dsm::frame::RgbdFrame;
-use dsm::map::{CellState, FreeSpace};
+use dsm::map::{CellState, FreeSpace, Map};
 use dsm::time::{Span, Stamp};
 use nalgebra::Point2;
 use std::sync::Arc;
@@ -65,6 +65,16 @@ pub struct Journal {
     pub frames_learned: usize,
     /// Detections in them.
     pub detections: usize,
+}
+
+/// What a run looks like to the robot at one moment, for those who watch.
+pub struct Moment<'a> {
+    /// A frame that was just taken.
+    pub frame: &'a Arc<RgbdFrame>,
+    /// The newest map.
+    pub map: &'a Arc<Map>,
+    /// What happened so far.
+    pub journal: &'a Journal,
 }
 
 impl Journal {

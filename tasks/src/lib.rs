@@ -24,6 +24,7 @@ pub mod picture;
 pub mod plot;
 pub mod report;
 pub mod run;
+pub mod session;
 pub mod settings;
 pub mod skills;
 pub mod summary;

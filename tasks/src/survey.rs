@@ -9,7 +9,8 @@ use crate::agent::{Agent, AgentConfig, Halt, Parts};
 use crate::assemble::{Assembled, assemble_recording, knowledge, replay};
 use crate::error::TaskError;
 use crate::perception::Perception;
-use crate::run::{CELL_M, RunSpec, nav_config};
+use crate::run::{CELL_M, RunSpec};
+use crate::session::nav_config;
 use crate::skills::explore::{Explorer, Interest};
 use dsm::build::{BuildConfig, Carrier, MapBuilder};
 use dsm::eval::{MapScore, score_map};
@@ -45,7 +46,16 @@ pub fn drive(spec: &RunSpec, interrupted: Arc<AtomicBool>) -> Result<Vec<Moment>
     drop(truth);
     let deadline = Stamp::from_s(spec.time_limit_s);
     let on_tick = Box::new(|| {});
-    let parts = Parts { robot, model: model.clone(), perception, map, deadline, interrupted, on_tick };
+    let parts = Parts {
+        robot,
+        model: model.clone(),
+        perception,
+        map,
+        deadline,
+        interrupted,
+        on_tick,
+        on_frame: Box::new(|_| {}),
+    };
     let mut agent = Agent::new(parts, config);
     let interest = Interest { enough: &mut |_| false, inspect: &|_| Vec::new() };
     let explored = Explorer::new(nav_config(&model)).run(&mut agent, deadline, interest);

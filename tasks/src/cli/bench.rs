@@ -101,16 +101,11 @@ pub(super) fn run(args: BenchArgs) -> anyhow::Result<u8> {
     let threads = settings.threads.value;
     set_threads(threads)?;
     let spec = RunSpec {
-        name: "bench".into(),
-        file: args.scene.clone(),
-        episode: Episode::exploration(args.scene.clone(), args.seconds),
-        scene: args.scene.clone(),
         robot: settings.robot.value,
         physics: settings.physics.value,
         perception: settings.perception.value,
         seed: settings.seed.value,
-        time_limit_s: args.seconds,
-        permute_labels: false,
+        ..RunSpec::new("bench", Episode::exploration(args.scene.clone(), args.seconds))
     };
     let mut rows = Vec::new();
     let (bodies, triangles) = measure_raster(&spec, &mut rows)?;

@@ -30,16 +30,14 @@ pub(super) fn run(args: ExploreArgs) -> anyhow::Result<u8> {
         if args.scene.is_dir() { args.scene.file_name() } else { args.scene.parent().and_then(|p| p.file_name()) };
     let scene_name = folder_name.map_or("scene".into(), |n| n.to_string_lossy().into_owned());
     let spec = RunSpec {
-        name: format!("explore-{scene_name}"),
-        file: args.scene.clone(),
-        episode: Episode::exploration(args.scene.clone(), settings.time_limit_s.value),
-        scene: args.scene,
         robot: settings.robot.value,
         physics: settings.physics.value,
         perception: settings.perception.value,
         seed: settings.seed.value,
-        time_limit_s: settings.time_limit_s.value,
-        permute_labels: false,
+        ..RunSpec::new(
+            format!("explore-{scene_name}"),
+            Episode::exploration(args.scene.clone(), settings.time_limit_s.value),
+        )
     };
     crate::assemble::check(&spec)?;
     let folder = prepare_folder(&args.out, &default_folder(&spec))?;

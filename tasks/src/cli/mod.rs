@@ -13,6 +13,7 @@ mod robot;
 mod run;
 mod scene;
 mod suite;
+mod view;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;

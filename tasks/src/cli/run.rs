@@ -2,6 +2,7 @@
 
 use super::info::holds_key;
 use super::output::{prepare_folder, to_json};
+use super::view::{DEFAULT_PORT, View};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
@@ -27,6 +28,10 @@ pub struct RunArgs {
     out: OutArgs,
     #[command(flatten)]
     result: ResultArgs,
+    /// Show camera and map in a browser while the run goes on: serve http://127.0.0.1:PORT/, by default at port 8350; 0
+    /// takes a free port. Changes no result.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = DEFAULT_PORT)]
+    view: Option<u16>,
 }
 
 /// All wall times of a run.
@@ -46,12 +51,19 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<u8> {
     set_threads(settings.threads.value)?;
     // Broken input is found before anything is written.
     crate::assemble::check(&spec)?;
+    let open = |port| View::open(port, &spec.name, spec.seed, spec.time_limit_s);
+    let view = args.view.map(open).transpose()?;
     let folder = prepare_folder(&args.out, &default_folder(&spec))?;
     let interrupted = catch_interrupt()?;
     let bar = progress_bar(spec.time_limit_s);
-    let progress = Box::new(BarProgress { bar: bar.clone() });
+    let mut progress: Box<dyn Progress> = Box::new(BarProgress { bar: bar.clone() });
+    if let Some(view) = &view {
+        tracing::warn!("watch at {}", view.address);
+        progress = view.watch(progress);
+    }
     let summary = run_and_write(&spec, &folder, interrupted.clone(), progress)?;
     bar.finish_and_clear();
+    drop(view);
     Output::new(args.result).give(&summary, || describe(&summary, &folder))?;
     Ok(exit_code(&summary, interrupted.load(Ordering::Relaxed)))
 }

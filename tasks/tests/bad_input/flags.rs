@@ -1,6 +1,7 @@
 //! Flags, environment variables and output folders.
 
 use crate::bench::{Bench, refuse};
+use std::net::TcpListener;
 
 refuse! {
     unknown_command: Bench::new(), ["fly", "episode.toml"], ["unrecognized subcommand 'fly'", "Usage: dsm"];
@@ -8,6 +9,7 @@ refuse! {
     missing_argument: Bench::new(), ["ground", "map.dsm"], ["required arguments", "<TEXT>"];
     no_thread: Bench::new(), ["run", "episode.toml", "--threads", "0"], ["'0' for '--threads", "1..=256"];
     negative_seed: Bench::new(), ["run", "episode.toml", "--seed=-3"], ["'-3' for '--seed", "invalid digit"];
+    view_port_is_no_number: Bench::new(), ["run", "episode.toml", "--view=http"], ["'http' for '--view", "invalid digit"];
     endless_time: Bench::new(), ["run", "episode.toml", "--time-limit-s", "nan"],
         ["time_limit_s is NaN", "expected 1 to 36000 seconds"];
     no_time: Bench::new(), ["run", "episode.toml", "--time-limit-s", "0"],
@@ -39,4 +41,13 @@ refuse! {
         ["results: the folder is not empty", "--force"];
     output_folder_is_a_file: Bench::new().file("results", "mine"), ["run", "episode.toml", "--out", "results"],
         ["results: is a file; --out needs a folder"];
+}
+
+#[test]
+fn view_port_is_in_use() {
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port();
+    let fragments = [format!("--view: 127.0.0.1:{port} cannot be used"), "in use".to_owned()];
+    let fragments = [fragments[0].as_str(), fragments[1].as_str()];
+    Bench::new().refuses(&["run", "episode.toml", &format!("--view={port}")], &fragments);
 }

@@ -1,0 +1,277 @@
+//! A run in the hands of a program: begin, act, finish. Episodes from files run the same way.
+//!
+//! ```no_run
+//! use dsm_tasks::episode::{Episode, Expectation, Step};
+//! use dsm_tasks::run::{RunSpec, Silent};
+//! use dsm_tasks::session::Session;
+//!
+//! # fn main() -> Result<(), dsm_tasks::error::TaskError> {
+//! let mut episode = Episode::new("scenes/apartment");
+//! episode.expectations.push(Expectation::robot_near_object("fridge"));
+//! let mut session = Session::begin(&RunSpec::new("to_the_fridge", episode), None, Default::default(), Box::new(Silent))?;
+//! session.run(&[Step::command("Navigate to the fridge")]);
+//! let finished = session.finish()?;
+//! assert!(finished.summary.success);
+//! # Ok(())
+//! # }
+//! ```
+
+use crate::agent::{Agent, AgentConfig, Halt, Parts};
+use crate::assemble::{Assembled, assemble, grounder, knowledge};
+use crate::episode::{Expectation, ExpectationKind, Step};
+use crate::error::TaskError;
+use crate::executor::{Account, Executor, reason_of, words_of};
+use crate::journal::Moment;
+use crate::judge::Judge;
+use crate::perception::Perception;
+use crate::run::{CELL_M, Finished, Progress, RunSpec};
+use crate::skills::Outcome;
+use crate::skills::grasp::GraspSettings;
+use crate::summary::{Failure, MapSummary, SUMMARY_SCHEMA, Stage, StepOutcome, StepSummary, Summary};
+use dsm::build::{BuildConfig, MapBuilder};
+use dsm::map::Map;
+use dsm::store::MapLog;
+use dsm::time::{Span, Stamp};
+use dsm_robot::model::RobotModel;
+use dsm_robot::nav::NavConfig;
+use std::cell::RefCell;
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// A run that goes on.
+pub struct Session {
+    spec: RunSpec,
+    nav: NavConfig,
+    executor: Executor,
+    /// The robot with its senses and its map.
+    agent: Agent,
+    judge: Rc<RefCell<Judge>>,
+    account: Account,
+}
+
+impl Session {
+    /// Assembles world, robot, detector and judge. The map is logged to `map_file` while it grows; who sets `interrupted`
+    /// ends the run. The steps of the specified episode are not run by this.
+    pub fn begin(
+        spec: &RunSpec,
+        map_file: Option<&Path>,
+        interrupted: Arc<AtomicBool>,
+        progress: Box<dyn Progress>,
+    ) -> Result<Self, TaskError> {
+        let Assembled { robot, model, detector, truth, judge } = assemble(spec)?;
+        let knowledge = knowledge()?;
+        let log = map_file.map(|path| MapLog::create(path, CELL_M)).transpose()?;
+        let config = AgentConfig::default();
+        let map = Map::new(CELL_M);
+        let builder = MapBuilder::new(BuildConfig::default(), knowledge.clone());
+        let perception = Perception::start(detector, builder, map.clone(), log, config.mapping_latency);
+        let judge = Rc::new(RefCell::new(judge));
+        let progress = Rc::new(RefCell::new(progress));
+        let (watcher, listener) = (judge.clone(), progress.clone());
+        let on_tick = Box::new(move || {
+            for sample in truth.try_iter() {
+                listener.borrow_mut().at(sample.stamp.as_s());
+                watcher.borrow_mut().observe(sample);
+            }
+        });
+        let on_frame = Box::new(move |moment: &Moment<'_>| progress.borrow_mut().sees(moment));
+        let deadline = Stamp::from_s(spec.time_limit_s);
+        let nav = nav_config(&model);
+        let parts = Parts { robot, model, perception, map, deadline, interrupted, on_tick, on_frame };
+        Ok(Self {
+            spec: spec.clone(),
+            executor: Executor::new(nav.clone(), GraspSettings::default(), grounder()?, knowledge),
+            nav,
+            agent: Agent::new(parts, config),
+            judge,
+            account: Account { steps: Vec::new(), failure: None, halt: None },
+        })
+    }
+
+    /// How the robot may drive, for skills.
+    pub fn nav(&self) -> &NavConfig {
+        &self.nav
+    }
+
+    /// The robot with its senses and its map.
+    pub fn agent(&mut self) -> &mut Agent {
+        &mut self.agent
+    }
+
+    /// Runs steps as those of an episode file, and accounts for them. After a step that failed the rest is skipped.
+    /// Returns the accounts of these steps.
+    pub fn run(&mut self, steps: &[Step]) -> &[StepSummary] {
+        let before = self.account.steps.len();
+        if self.account.failure.is_some() {
+            steps.iter().for_each(|step| self.skip(&words_of(step)));
+            return &self.account.steps[before..];
+        }
+        let account = self.executor.run(&mut self.agent, steps);
+        self.account.steps.extend(account.steps.into_iter().map(|s| StepSummary { index: s.index + before, ..s }));
+        self.account.failure = account.failure.map(|failure| Failure { step: failure.step + before, ..failure });
+        self.account.halt = account.halt;
+        &self.account.steps[before..]
+    }
+
+    /// Runs a skill of one's own as one step, and accounts for it under `words` and the skill's name.
+    pub fn run_skill(
+        &mut self,
+        words: &str,
+        name: &str,
+        skill: impl FnOnce(&mut Agent) -> Result<Outcome, Halt>,
+    ) -> &StepSummary {
+        let before = self.account.steps.len();
+        if self.account.failure.is_some() {
+            self.skip(words);
+            return &self.account.steps[before];
+        }
+        let start = self.agent.now();
+        self.agent.note(format!("step {before}: {words}"));
+        let (outcome, halt) = match skill(&mut self.agent) {
+            Ok(outcome) => (outcome, None),
+            Err(halt) => {
+                let (stage, reason) = reason_of(&halt);
+                (Outcome::Failed(stage, reason), Some(halt))
+            }
+        };
+        let (outcome, reason, failure) = match outcome {
+            Outcome::Done(reason) => (StepOutcome::Done, reason, None),
+            Outcome::Failed(stage, reason) => {
+                let failure = Failure { step: before, stage, reason: reason.clone() };
+                (StepOutcome::Failed, reason, Some(failure))
+            }
+        };
+        let end = self.agent.now();
+        self.agent.note(format!("step {before} ends: {outcome:?}: {reason}"));
+        (self.account.failure, self.account.halt) = (failure, halt);
+        self.account.steps.push(StepSummary {
+            index: before,
+            command: words.into(),
+            skill: name.into(),
+            outcome,
+            reason,
+            start_s: start.as_s(),
+            duration_s: (end - start).as_s(),
+            grounding: None,
+        });
+        &self.account.steps[before]
+    }
+
+    /// Lets things come to rest under the eyes of the judge, and judges.
+    pub fn finish(mut self) -> Result<Finished, TaskError> {
+        if self.account.halt.is_none() {
+            settle(&mut self.agent);
+        }
+        let robot = self.agent.model().settings.name.clone();
+        let (map, journal) = self.agent.finish()?;
+        let (spec, account) = (self.spec, self.account);
+        if let Some(Halt::Failed(error)) = account.halt {
+            return Err(error);
+        }
+        let judge = self.judge.borrow();
+        let expectations = judge.judge(&account.steps, &map);
+        let failed = expectations.iter().find(|e| !e.passed);
+        let failure =
+            account.failure.or_else(|| find_refusal(&spec.episode.expectations, &account.steps)).or_else(|| {
+                failed.map(|e| Failure {
+                    step: account.steps.len().saturating_sub(1),
+                    stage: Stage::Judging,
+                    reason: format!("{}: {}; required: {}", e.kind, e.measured, e.required),
+                })
+            });
+        let success = failure.is_none();
+        let summary = Summary {
+            schema: SUMMARY_SCHEMA,
+            episode: spec.name.clone(),
+            scene: judge.scene().to_owned(),
+            robot,
+            physics: spec.physics.clone(),
+            perception: spec.perception.clone(),
+            seed: spec.seed,
+            success,
+            failure,
+            steps: account.steps,
+            expectations,
+            metrics: judge.metrics(success),
+            map: MapSummary {
+                objects: map.stable_objects().count(),
+                relations: map.relations.len(),
+                rooms: map.rooms.len(),
+            },
+            truth: judge.truth(),
+        };
+        Ok(Finished { summary, map, journal })
+    }
+
+    fn skip(&mut self, words: &str) {
+        let start_s = self.agent.now().as_s();
+        self.account.steps.push(StepSummary {
+            index: self.account.steps.len(),
+            command: words.into(),
+            skill: String::new(),
+            outcome: StepOutcome::Skipped,
+            reason: "an earlier step failed".into(),
+            start_s,
+            duration_s: 0.0,
+            grounding: None,
+        });
+    }
+}
+
+/// A refusal that nobody expected: the words found nothing, or several things.
+fn find_refusal(expectations: &[Expectation], steps: &[StepSummary]) -> Option<Failure> {
+    if expectations.iter().any(|e| e.kind == ExpectationKind::Refused) {
+        return None;
+    }
+    let refused = steps.iter().find(|s| matches!(s.outcome, StepOutcome::Absent | StepOutcome::Ambiguous))?;
+    let word = if refused.outcome == StepOutcome::Absent { "absent" } else { "ambiguous" };
+    Some(Failure { step: refused.index, stage: Stage::Grounding, reason: format!("{word}: {}", refused.reason) })
+}
+
+/// Two seconds at rest, so that what is held is seen to be held.
+fn settle(agent: &mut Agent) {
+    // A time limit during these seconds changes nothing that is judged.
+    let _ = agent.rest(Span::from_s(2.2));
+}
+
+/// Navigation within what the robot can do.
+pub(crate) fn nav_config(model: &RobotModel) -> NavConfig {
+    // The follower stays a little below the limits, so that they need not correct it.
+    const SHARE: f64 = 0.95;
+    let base = &model.settings.base;
+    let mut nav = NavConfig::default();
+    nav.costmap.footprint_radius_m = base.footprint_radius_m;
+    nav.follower.max_speed_m_per_s = SHARE * base.max_speed_m_per_s;
+    nav.follower.max_turn_rad_per_s = SHARE * base.max_turn_rate_rad_per_s;
+    nav.follower.max_acceleration_m_per_s2 = SHARE * base.max_acceleration_m_per_s2;
+    nav.follower.max_turn_acceleration_rad_per_s2 = SHARE * base.max_turn_acceleration_rad_per_s2;
+    nav
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: a refusal is a failure in grounding, unless the episode expects it.
+    use super::*;
+
+    #[test]
+    fn only_an_expected_refusal_is_a_success() {
+        let step = StepSummary {
+            index: 0,
+            command: "Grasp the unicorn".into(),
+            skill: "grasp".into(),
+            outcome: StepOutcome::Absent,
+            reason: "nothing is named so".into(),
+            start_s: 0.0,
+            duration_s: 1.0,
+            grounding: None,
+        };
+        let failure = find_refusal(&[], std::slice::from_ref(&step)).unwrap();
+        assert_eq!((failure.step, failure.stage), (0, Stage::Grounding));
+        let expected: Expectation = toml::from_str("kind = \"refused\"").unwrap();
+        assert_eq!(find_refusal(&[expected], std::slice::from_ref(&step)), None);
+        let done = StepSummary { outcome: StepOutcome::Done, ..step };
+        assert_eq!(find_refusal(&[], &[done]), None);
+    }
+}
