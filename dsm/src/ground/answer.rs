@@ -27,6 +27,8 @@ pub enum ReferenceFrame {
     None,
     /// The given viewer, facing the anchor (or the candidates when there is no anchor).
     Viewer,
+    /// No viewer was given, and the anchor has open floor on one side: a viewer who stands there and faces it.
+    OpenSide,
     /// No viewer was given (or it stands in the anchor): one who stands at the centre of the map's objects and faces the anchor.
     SceneCenter,
 }

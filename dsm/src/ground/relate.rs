@@ -180,5 +180,10 @@ pub(super) fn between(scene: &Scene<'_>, target: usize, first: usize, second: us
     let half_width =
         0.5 * scene.items[first].bounds.size().xy().max().max(scene.items[second].bounds.size().xy().max());
     let inside = falling((t - 0.5).abs(), 0.42, 0.55);
-    (inside * falling(aside, 0.2 * length + 0.5 * half_width, 0.5 * length + half_width)) as f32
+    // People name what stands beside the thing: a bottle is not between things of two rooms.
+    let usual_m = 0.5 + 2.0 * scene.items[target].bounds.size().norm();
+    let close = (-(length - usual_m).max(0.0) / usual_m).exp();
+    let rise = center(target).z - 0.5 * (center(first).z + center(second).z);
+    let level = falling(rise.abs(), 0.3 + 0.5 * scene.items[target].bounds.size().z, 1.5);
+    (close * level * inside * falling(aside, 0.2 * length + 0.5 * half_width, 0.5 * length + half_width)) as f32
 }

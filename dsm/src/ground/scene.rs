@@ -4,7 +4,7 @@ use super::answer::ReferenceFrame;
 use crate::Pose;
 use crate::geometry::Aabb;
 use crate::knowledge::{Category, Knowledge};
-use crate::map::{Map, MapObject, ObjectId, RelationKind, Room};
+use crate::map::{CellState, Map, MapObject, ObjectId, RelationKind, Room};
 use nalgebra::{Point2, Point3, Vector2};
 use std::collections::BTreeMap;
 
@@ -109,7 +109,8 @@ impl<'a> Scene<'a> {
         self.viewer.map_or((self.center, ReferenceFrame::SceneCenter), |viewer| (viewer, ReferenceFrame::Viewer))
     }
 
-    /// The viewer's frame when facing `place`: the given viewer, else one at the middle of the map, else along world x.
+    /// The viewer's frame when facing `place`: the given viewer, else one who stands on the open floor before it, else one
+    /// at the middle of the map, else along world x.
     pub(super) fn view_to(&self, place: Point2<f64>) -> View {
         if let Some(forward) = self.told {
             return View { forward, left: Vector2::new(-forward.y, forward.x), frame: ReferenceFrame::Viewer };
@@ -121,9 +122,31 @@ impl<'a> Scene<'a> {
         let (forward, frame) = self
             .viewer
             .and_then(|viewer| from(viewer, ReferenceFrame::Viewer))
+            .or_else(|| Some((-self.find_open_side(place)?, ReferenceFrame::OpenSide)))
             .or_else(|| from(self.center, ReferenceFrame::SceneCenter))
             .unwrap_or((Vector2::x(), ReferenceFrame::SceneCenter));
         View { forward, left: Vector2::new(-forward.y, forward.x), frame }
+    }
+
+    /// The direction from `place` to the free floor around it, when that lies on one side: what stands against a wall is
+    /// looked at from the room. Unit.
+    fn find_open_side(&self, place: Point2<f64>) -> Option<Vector2<f64>> {
+        const REACH_M: f64 = 1.4;
+        const MIN_CELLS: usize = 40;
+        const ONE_SIDED: f64 = 0.4;
+        let floor = &self.map.free_space;
+        if floor.cells.is_empty() {
+            return None;
+        }
+        let [low, high] = [-REACH_M, REACH_M].map(|reach| floor.cell_at(&Point2::new(place.x + reach, place.y + reach)));
+        let cells = (low[1]..=high[1]).flat_map(|y| (low[0]..=high[0]).map(move |x| [x, y]));
+        let free = cells.filter(|cell| floor.state(*cell) == CellState::Free).map(|cell| floor.center_of(cell) - place);
+        let (mut sum, mut count) = (Vector2::zeros(), 0_usize);
+        for offset in free.filter(|offset| (0.05..REACH_M).contains(&offset.norm())) {
+            sum += offset.normalize();
+            count += 1;
+        }
+        (count >= MIN_CELLS && sum.norm() > ONE_SIDED * count as f64).then(|| sum.normalize())
     }
 
     /// The room an object stands in: as the map says, else by its outline.

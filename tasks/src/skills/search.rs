@@ -87,7 +87,15 @@ pub fn search(
     }
     let viewer = agent.world_from_base()?;
     let (map, grounder, text) = (agent.map().clone(), grounder.clone(), text.to_owned());
-    agent.plan(move || grounder.ground(&map, &text, Some(&viewer)))
+    agent.plan(move || {
+        // Left and right mean the same from wherever the robot happens to be; only "a mug" is the one nearest to it.
+        let plain = grounder.ground(&map, &text, None);
+        let definite = plain.query.as_ref().is_none_or(|query| query.target.article != Article::Indefinite);
+        match plain.status {
+            GroundingStatus::Found if definite => plain,
+            _ => grounder.ground(&map, &text, Some(&viewer)),
+        }
+    })
 }
 
 /// Categories and colours that a sentence mentions.
