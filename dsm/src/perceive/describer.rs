@@ -24,6 +24,10 @@ const LIGHTEST_SHARE: f32 = 0.95;
 const AS_LIGHT: f32 = 0.95;
 /// Pixels of a frame that are looked at for the lightest.
 const REFERENCE_PIXELS: usize = 600;
+/// Mean lightness step between neighbours of the same colour and lightness spread (CIELAB) from which a surface mirrors in
+/// streaks.
+const STREAKED_STEP: f32 = 1.9;
+const STREAKED_SPREAD: f32 = 7.0;
 /// Density assumed for things of unknown mass, kilograms per cubic metre of their box (hollow household things).
 const BOX_DENSITY_KG_PER_M3: f64 = 150.0;
 
@@ -39,6 +43,8 @@ struct PixelStatistics {
     shares: [f32; ColorName::ALL.len()],
     lightness_spread: f32,
     roughness: f32,
+    /// Mean lightness step between neighbours of the same colour.
+    streaks: f32,
     highlights: f32,
 }
 
@@ -51,6 +57,7 @@ impl KnowledgeDescriber {
     fn measure(&self, view: &ObjectView) -> PixelStatistics {
         let (mut shares, mut sum, mut squares, mut steps, mut highlights) =
             ([0.0f32; ColorName::ALL.len()], 0.0, 0.0, 0.0, 0.0);
+        let mut same = (0.0_f32, 0.0_f32);
         for &pixel in view.pixels {
             let pixel = pixel as usize;
             let color = self.colors.find(view.frame.color[pixel]);
@@ -62,6 +69,10 @@ impl KnowledgeDescriber {
             }
             let next = self.colors.find(*view.frame.color.get(pixel + 1).unwrap_or(&view.frame.color[pixel]));
             steps += (next.lightness - color.lightness).abs();
+            if next.name == color.name {
+                same.0 += (next.lightness - color.lightness).abs();
+                same.1 += 1.0;
+            }
         }
         let count = view.pixels.len().max(1) as f32;
         shares.iter_mut().for_each(|share| *share /= count);
@@ -71,6 +82,7 @@ impl KnowledgeDescriber {
             shares,
             lightness_spread: (squares / count - mean * mean).max(0.0).sqrt(),
             roughness: steps / count,
+            streaks: same.0 / same.1.max(1.0),
             highlights: highlights / count,
         }
     }
@@ -189,6 +201,8 @@ fn is_shade(first: ColorName, second: ColorName) -> bool {
 /// The prior's materials, the likeliest first, moved by what the pixels show.
 fn material_votes(category: Option<&Category>, color: ColorName, statistics: &PixelStatistics) -> Vec<(String, f32)> {
     let Some(category) = category else { return Vec::new() };
+    // Metal mirrors lights and windows as streaks of its own colour.
+    let streaked = statistics.streaks > STREAKED_STEP && statistics.lightness_spread > STREAKED_SPREAD;
     category
         .materials
         .iter()
@@ -196,6 +210,9 @@ fn material_votes(category: Option<&Category>, color: ColorName, statistics: &Pi
         .map(|(rank, material)| {
             let prior = 1.0 / (1.0 + rank as f32);
             let seen = match material.as_str() {
+                "metal" | "steel" | "stainless steel" if streaked => 2.0,
+                "ceramic" | "porcelain" | "plastic" | "glass" if streaked => -0.4,
+                "metal" | "steel" | "stainless steel" if color != ColorName::Gray => -0.4,
                 "wood" if matches!(color, ColorName::Brown | ColorName::Orange | ColorName::Beige) => 0.8,
                 "wood" if matches!(color, ColorName::Gray) => -0.3,
                 "metal" | "steel" | "stainless steel" if color == ColorName::Gray => 0.6,
