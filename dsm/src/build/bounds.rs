@@ -10,7 +10,7 @@ const ROUND_BELOW_M: f64 = 0.25;
 /// Length of the mean of the unit directions to the viewers from which a thing was seen from one side only.
 const ONE_SIDED: f64 = 0.7;
 /// Share of the width that must have shown in depth: half a cylinder shows half its width; a flat front shows less.
-const BULGE: f64 = 0.5;
+const BULGE: f64 = 0.45;
 /// Share of the points before the near side of a completed thing: depth noise spreads them towards the viewer, and of a
 /// round front this share lies within a few millimetres.
 const NEAR_SHARE: f64 = 0.1;
