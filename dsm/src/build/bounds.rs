@@ -10,7 +10,10 @@ const ROUND_BELOW_M: f64 = 0.25;
 /// Length of the mean of the unit directions to the viewers from which a thing was seen from one side only.
 const ONE_SIDED: f64 = 0.7;
 /// Share of the width that must have shown in depth: half a cylinder shows half its width; a flat front shows less.
-const BULGE: f64 = 0.35;
+const BULGE: f64 = 0.45;
+/// Share of the points before the near side of a completed thing: depth noise spreads them towards the viewer, and of a
+/// round front this share lies within a few millimetres.
+const NEAR_SHARE: f64 = 0.1;
 /// Greatest angle between the viewing direction and the side that is completed, as a cosine.
 const ALONG: f64 = 0.7;
 
@@ -50,14 +53,14 @@ pub(super) fn upright_box(points: &[MapPoint], aabb: &Aabb, voxel_m: f64, seen: 
         low[i] -= seen.lost_m;
         high[i] += seen.lost_m;
     }
-    complete(&mut low, &mut high, &towards);
+    complete(&mut low, &mut high, &towards, &turned);
     let size = (high - low).map(|side| side.max(0.5 * voxel_m));
     Some(OrientedBox { center: rotation * Point3::from((low + high) * 0.5), size, rotation })
 }
 
 /// Makes the outline of a small thing as deep as it is wide when it was seen from one side and bulges: mugs, bowls, bottles
 /// and fruit are as deep as they are wide, and their far half never shows. A flat front says nothing about what is behind.
-fn complete(low: &mut Vector3<f64>, high: &mut Vector3<f64>, towards: &Vector3<f64>) {
+fn complete(low: &mut Vector3<f64>, high: &mut Vector3<f64>, towards: &Vector3<f64>, points: &[Point3<f32>]) {
     let distance = towards.norm();
     if distance < ONE_SIDED {
         return;
@@ -67,11 +70,14 @@ fn complete(low: &mut Vector3<f64>, high: &mut Vector3<f64>, towards: &Vector3<f
     if towards[deep].abs() < ALONG * distance || width > ROUND_BELOW_M || !(BULGE * width..width).contains(&depth) {
         return;
     }
-    if towards[deep] > 0.0 {
-        low[deep] = high[deep] - width;
-    } else {
-        high[deep] = low[deep] + width;
+    let mut along: Vec<f32> = points.iter().map(|p| p[deep]).collect();
+    let cut = (NEAR_SHARE * along.len() as f64) as usize;
+    let near = if towards[deep] > 0.0 { along.len().saturating_sub(1 + cut) } else { cut };
+    if near >= along.len() {
+        return;
     }
+    let near = f64::from(*along.select_nth_unstable_by(near, f32::total_cmp).1);
+    (low[deep], high[deep]) = if towards[deep] > 0.0 { (near - width, near) } else { (near, near + width) };
 }
 
 #[cfg(test)]

@@ -38,16 +38,24 @@ impl RoomSegmenter {
     pub(super) fn find_room(&self, known: &FreeSpace, point: &Point2<f64>) -> Option<RoomId> {
         let reach = (0.6 / known.resolution_m) as i32;
         let [x, y] = known.cell_at(point);
-        let mut best: Option<(i32, u32)> = None;
-        for dy in -reach..=reach {
-            for dx in -reach..=reach {
-                let (distance, label) = (dx * dx + dy * dy, self.labels.get([x + dx, y + dy]));
-                if label > 0 && distance <= reach * reach && best.is_none_or(|b| distance < b.0) {
-                    best = Some((distance, label));
+        // Ring by ring, so that most things are found within a few cells; of equally close ones the lowest cell wins.
+        let mut best: Option<(i32, i32, i32, u32)> = None;
+        for ring in 0..=reach {
+            if best.is_some_and(|b| b.0 < ring * ring) {
+                break;
+            }
+            for dy in -ring..=ring {
+                let step = if dy.abs() == ring { 1 } else { (2 * ring).max(1) as usize };
+                for dx in (-ring..=ring).step_by(step) {
+                    let (distance, label) = (dx * dx + dy * dy, self.labels.get([x + dx, y + dy]));
+                    let found = (distance, dy, dx, label);
+                    if label > 0 && distance <= reach * reach && best.is_none_or(|b| found < b) {
+                        best = Some(found);
+                    }
                 }
             }
         }
-        best.map(|(_, label)| RoomId(label - 1))
+        best.map(|(_, _, _, label)| RoomId(label - 1))
     }
 
     /// Divides anew. `free` is the free space with all changes of this frame.

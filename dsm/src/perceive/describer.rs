@@ -17,11 +17,11 @@ const LIT_SHARE: f32 = 0.8;
 /// Lightness (CIELAB) of lit parts from which a thing without hue is white.
 const WHITE: f32 = 76.0;
 /// The same for what is about the lightest in view: dim light.
-const DIM_WHITE: f32 = 58.0;
+const DIM_WHITE: f32 = 55.0;
 /// Share of the pixels of a frame that are darker than what counts as the lightest in view.
 const LIGHTEST_SHARE: f32 = 0.95;
 /// Lightness over that of the lightest in view from which a thing is about as light.
-const AS_LIGHT: f32 = 0.95;
+const AS_LIGHT: f32 = 0.9;
 /// Pixels of a frame that are looked at for the lightest.
 const REFERENCE_PIXELS: usize = 600;
 /// Mean lightness step between neighbours of the same colour and lightness spread (CIELAB) from which a surface mirrors in

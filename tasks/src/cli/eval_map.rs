@@ -1,6 +1,7 @@
 //! `dsm eval map`: measures maps against ground truth.
 
 use super::run::{catch_interrupt, set_threads};
+use super::scene::write_scene;
 use super::suite::parse_seeds;
 use super::{Output, PerceptionChoice, ResultArgs, WorldArgs};
 use crate::episode::Episode;
@@ -12,6 +13,7 @@ use dsm::build::BuildConfig;
 use dsm::eval::{MapReport, MapScore, pool};
 use dsm::store::write_atomically;
 use dsm_sim::replay::Moment;
+use dsm_sim::scene::{HomeConfig, generate_home};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -24,12 +26,23 @@ const SCHEMA: u32 = 1;
 /// Largest pose noise, centimetres.
 const MAX_NOISE_CM: f64 = 50.0;
 
+/// Rooms of a generated home.
+const HOME_ROOMS: u32 = 5;
+/// Objects of a generated home.
+const HOME_OBJECTS: u32 = 90;
+
 /// Arguments of `dsm eval map`.
 #[derive(Debug, clap::Args)]
 pub struct MapArgs {
     /// Scenes: folders or MJCF files.
-    #[arg(value_name = "SCENE", required = true)]
+    #[arg(value_name = "SCENE", required_unless_present = "generate")]
     scenes: Vec<PathBuf>,
+    /// Also this many generated homes, made from the seeds S, S + 1, ...
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    generate: Option<u16>,
+    /// Seed S of the first generated home.
+    #[arg(long, value_name = "S", default_value_t = 0, requires = "generate")]
+    seed: u64,
     /// Seeds A..B (B excluded) of each scene.
     #[arg(long, value_name = "A..B", value_parser = parse_seeds, default_value = "0..1")]
     seeds: (u64, u64),
@@ -127,8 +140,11 @@ pub(super) fn run(args: MapArgs) -> anyhow::Result<u8> {
     };
     let settings = Settings::resolve(&world, None, &|_| false)?;
     set_threads(settings.threads.value)?;
-    let specs: Vec<RunSpec> = args
-        .scenes
+    // Kept until the end: scenes are read again when their frames are.
+    let homes = tempfile::tempdir().map_err(|source| TaskError::Read { path: std::env::temp_dir(), source })?;
+    let mut scenes = args.scenes.clone();
+    scenes.extend(generate_homes(&args, homes.path())?);
+    let specs: Vec<RunSpec> = scenes
         .iter()
         .flat_map(|scene| (args.seeds.0..args.seeds.1).map(move |seed| (scene, seed)))
         .map(|(scene, seed)| spec(scene, seed, &settings))
@@ -160,6 +176,18 @@ pub(super) fn run(args: MapArgs) -> anyhow::Result<u8> {
     let report = Report { schema: SCHEMA, perception: settings.perception.value.clone(), tables: tables.collect() };
     Output::new(args.result.clone()).give(&report, || describe(&report, args.faults))?;
     Ok(0)
+}
+
+/// Writes the generated homes into a folder.
+fn generate_homes(args: &MapArgs, folder: &Path) -> Result<Vec<PathBuf>, TaskError> {
+    let home = |number: u16| {
+        let config = HomeConfig { seed: args.seed + u64::from(number), rooms: HOME_ROOMS, objects: HOME_OBJECTS };
+        let made = generate_home(&config).map_err(|error| TaskError::Usage(error.to_string()))?;
+        let scene = folder.join(format!("home-{}", config.seed));
+        write_scene(&made, &scene, false)?;
+        Ok(scene)
+    };
+    (0..args.generate.unwrap_or(0)).map(home).collect()
 }
 
 fn spec(scene: &Path, seed: u64, settings: &Settings) -> RunSpec {
@@ -300,6 +328,8 @@ mod tests {
 
     #[test]
     fn wrong_noise_and_no_scene_are_refused() {
+        assert!(args(&["--generate", "3", "--seed", "7"]).is_ok());
+        assert!(args(&["s", "--seed", "7"]).is_err());
         assert!(args(&["s", "--pose-noise-cm", "1,x"]).is_err());
         assert!(args(&["s", "--pose-noise-cm", "-1"]).is_err());
         assert!(args(&[]).is_err());

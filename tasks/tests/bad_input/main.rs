@@ -5,6 +5,7 @@
 
 mod bench;
 mod episodes;
+mod evals;
 mod flags;
 mod maps;
 mod robots;
