@@ -12,6 +12,8 @@ mod robot;
 mod run;
 mod scene;
 mod suite;
+mod suite_done;
+mod suite_result;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
