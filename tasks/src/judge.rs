@@ -270,14 +270,22 @@ impl Judge {
     /// The measured figures; `success` weighs the path length.
     pub fn metrics(&self, success: bool) -> Metrics {
         let targets = self.targets();
-        let shortest_path_m = self.find_shortest_path_m();
-        let spl = shortest_path_m.map(|l| if success { l / l.max(self.path_length_m).max(1e-6) } else { 0.0 });
+        let paths = self.find_shortest_paths_m();
+        let shortest_path_m = paths.map(|(from_start, _)| from_start);
+        let weight = |l: f64| if l > 0.0 { l / l.max(self.path_length_m) } else { 1.0 };
+        let spl = shortest_path_m.map(|l| if success { weight(l) } else { 0.0 });
+        let soft_spl = paths.map(|(l, from_end)| {
+            // An end from which there is no way is no nearer; success is all of the way by definition.
+            let left = if success { 0.0 } else { from_end.unwrap_or(l) / l.max(1e-6) };
+            (1.0 - left).max(0.0) * weight(l)
+        });
         let is_target = |body: &str| targets.contains(&body);
         Metrics {
             sim_time_s: self.last.as_ref().map_or(0.0, |t| t.stamp.as_s()),
             path_length_m: self.path_length_m,
             shortest_path_m,
             spl,
+            soft_spl,
             collisions: self
                 .contacts()
                 .iter()
@@ -294,22 +302,40 @@ impl Judge {
         }
     }
 
-    fn find_shortest_path_m(&self) -> Option<f64> {
-        let first = self.first.as_ref()?;
-        let start = Point2::from(first.world_from_base.translation.vector.xy());
-        let target = self.expectations.iter().find_map(|e| find(first, e.object.as_deref()?))?;
+    /// Lengths of the shortest paths to the target from where the robot began and from where it is at the end, metres.
+    fn find_shortest_paths_m(&self) -> Option<(f64, Option<f64>)> {
+        let (first, last) = (self.first.as_ref()?, self.last.as_ref()?);
+        let goals = self.find_goals(first)?;
         let config = CostmapConfig { footprint_radius_m: self.robot_radius_m, ..CostmapConfig::default() };
         let costmap = Costmap::from_free_space(&self.world.free_space, &config);
-        // The nearest free place from which the object is within a metre counts as arriving.
-        let center = target.bounds.center.xy();
-        let goals = (0..16).flat_map(|i| {
-            let angle = f64::from(i) * std::f64::consts::TAU / 16.0;
-            [0.5, 0.7, 0.9].map(|r| Point2::new(center.x + r * angle.cos(), center.y + r * angle.sin()))
-        });
-        goals
-            .filter_map(|goal| find_path(&costmap, &start, &goal).ok())
-            .map(|path| path.length_m)
-            .min_by(f64::total_cmp)
+        let from = |truth: &Truth| {
+            let start = Point2::from(truth.world_from_base.translation.vector.xy());
+            let paths = goals.iter().filter_map(|goal| find_path(&costmap, &start, goal).ok());
+            paths.map(|path| path.length_m).min_by(f64::total_cmp)
+        };
+        Some((from(first)?, from(last)))
+    }
+
+    /// Places that count as arriving: within a metre of the object, or in the room.
+    fn find_goals(&self, first: &Truth) -> Option<Vec<Point2<f64>>> {
+        if let Some(target) = self.expectations.iter().find_map(|e| find(first, e.object.as_deref()?)) {
+            let center = target.bounds.center.xy();
+            let around = (0..16).flat_map(|i| {
+                let angle = f64::from(i) * std::f64::consts::TAU / 16.0;
+                [0.5, 0.7, 0.9].map(|r| Point2::new(center.x + r * angle.cos(), center.y + r * angle.sin()))
+            });
+            return Some(around.collect());
+        }
+        let name = self.expectations.iter().find_map(|e| e.room.as_deref())?;
+        let polygon = &self.world.rooms.iter().find(|room| room.name == name)?.polygon;
+        let reach = |axis: fn(&Point2<f64>) -> f64| {
+            polygon.iter().map(axis).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+        };
+        let (x, y) = (reach(|p| p.x), reach(|p| p.y));
+        // A grid of seven by seven over the room: its rim is nearest, its middle is surely inside.
+        let at = |(low, high): (f64, f64), i: i32| low + (high - low) * (f64::from(i) + 0.5) / 7.0;
+        let grid = (0..49).map(|i| Point2::new(at(x, i % 7), at(y, i / 7)));
+        Some(grid.filter(|point| contains(polygon, point)).collect())
     }
 
     /// The truth that foreign scripts need.

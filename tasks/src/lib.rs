@@ -15,6 +15,7 @@ pub mod assemble;
 pub mod cli;
 pub mod deferred;
 pub mod episode;
+pub mod episode_generator;
 pub mod error;
 pub mod executor;
 pub mod journal;

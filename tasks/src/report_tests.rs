@@ -61,6 +61,7 @@ fn finished(name: &str) -> Finished {
             path_length_m: 3.25,
             shortest_path_m: None,
             spl: None,
+            soft_spl: None,
             collisions: 0,
             min_clearance_m: Some(0.12),
             limit_violations: 0,

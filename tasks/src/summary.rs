@@ -33,6 +33,8 @@ pub enum Stage {
     Time,
     /// Done, but an expectation about the world does not hold.
     Judging,
+    /// The program failed.
+    Crash,
 }
 
 /// How a step ended.
@@ -107,6 +109,9 @@ pub struct Metrics {
     pub shortest_path_m: Option<f64>,
     /// Success weighted by path length; null without a shortest path.
     pub spl: Option<f64>,
+    /// Share of the shortest path that was gone at the end, weighted by path length like `spl`; null without one.
+    #[serde(default)]
+    pub soft_spl: Option<f64>,
     /// Contacts of the robot, other than gripper with target, that began above 0.1 m/s.
     pub collisions: u32,
     /// Smallest distance between the robot's base and the world, metres.

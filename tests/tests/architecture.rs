@@ -154,6 +154,20 @@ fn ground_truth_is_read_by_the_judge_alone() {
     let scores = |path: &str| !path.starts_with("tasks/src/") || path == "tasks/src/survey.rs";
     let things = ["TrueScene", "TrueThing", "TrueAttributes", "SurfacePoint", "score_map", "match_objects"];
     assert_none(find(&sources, &things, scores), "maps are scored in tasks/src/survey.rs alone");
+    // What bodies are (colour, material, room) is truth, too: the generator of episodes writes commands from it.
+    let generator = |path: &str| !path.starts_with("tasks/src/") || path.starts_with("tasks/src/episode_generator/");
+    let edge = |path: &str| generator(path) || path.starts_with("tasks/src/cli/");
+    assert_none(find(&sources, &["SceneModel", "Semantics"], edge), "scenes are read where episodes are written");
+    assert_none(
+        find(&sources, &["find_object", "ObjectSemantics"], |path| {
+            generator(path) || !path.starts_with("tasks/src/cli/suite")
+        }),
+        "the suite hands scenes to the generator without looking into them",
+    );
+    assert_none(
+        find(&sources, &["episode_generator"], |path| edge(path) || path == "tasks/src/lib.rs"),
+        "no task knows the generator of episodes",
+    );
     let robot = |path: &str| !path.starts_with("robot/");
     assert_none(find(&sources, &["eval::", "dsm::eval"], robot), "a robot knows no truth");
     let mapping = ["dsm/src/build/", "dsm/src/ground/", "dsm/src/perceive/", "dsm/src/map/"];

@@ -13,6 +13,8 @@ mod robot;
 mod run;
 mod scene;
 mod suite;
+mod suite_done;
+mod suite_result;
 mod view;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};

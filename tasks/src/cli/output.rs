@@ -59,7 +59,7 @@ pub(super) fn prepare_folder(args: &OutArgs, default: &Path) -> Result<PathBuf, 
     }
     if occupied {
         // Only what a run writes is removed, so that --force on a wrong folder loses nothing else.
-        for name in ["summary.json", "timing.json", "map.dsm", "report.html", "suite.json"] {
+        for name in ["summary.json", "timing.json", "map.dsm", "report.html", "suite.json", "done.json"] {
             match std::fs::remove_file(folder.join(name)) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(read(error)),
                 _ => {}
@@ -90,4 +90,15 @@ pub(super) fn prepare_scene_folder(folder: &Path, force: bool) -> Result<(), Tas
         }
     }
     std::fs::create_dir_all(folder).map_err(read)
+}
+
+/// Prepares the folder of a suite: as [`prepare_folder`], but what a suite began may be continued.
+pub(super) fn prepare_suite_folder(args: &OutArgs, default: &Path) -> Result<PathBuf, TaskError> {
+    /// Says that a folder is a suite's.
+    const MARK: &str = ".dsm-suite";
+    let folder = args.out.clone().unwrap_or_else(|| default.to_owned());
+    let known = folder.join(MARK).is_file();
+    let folder = prepare_folder(&OutArgs { out: Some(folder), force: args.force || known }, default)?;
+    write_atomically(&folder.join(MARK), b"")?;
+    Ok(folder)
 }

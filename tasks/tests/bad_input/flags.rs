@@ -33,7 +33,21 @@ refuse! {
     seeds_run_backwards: Bench::new(), ["suite", "episode.toml", "--seeds", "9..2"],
         ["expected A..B with A < B, for example 0..10, got `9..2`"];
     seeds_are_no_range: Bench::new(), ["suite", "episode.toml", "--seeds", "ten"], ["expected A..B", "got `ten`"];
-    generator_not_built_in: Bench::new(), ["suite", "--generate", "3"], ["the generator of homes is not built in"];
+    suite_of_no_generated_episode: Bench::new(), ["suite", "--generate", "0"], ["'0' for '--generate", "1..=10000"];
+    suite_of_files_and_generated_homes: Bench::new(), ["suite", "episode.toml", "--generate", "2"],
+        ["--generate", "cannot be used with"];
+    suite_without_anything: Bench::new(), ["suite"], ["required arguments", "PATHS"];
+    home_without_rooms: Bench::new(), ["scene", "generate", "--rooms", "0", "--out", "home"],
+        ["rooms is 0; expected 1 to 12"];
+    home_with_too_much_in_it: Bench::new(), ["scene", "generate", "--rooms", "1", "--objects", "600", "--out", "home"],
+        ["1 rooms hold", "objects at most", "ask for fewer objects or more rooms"];
+    home_over_other_files: Bench::new().file("home/notes.txt", "mine"), ["scene", "generate", "--out", "home"],
+        ["home: the folder is not empty", "--force"];
+    layout_is_missing: Bench::new(), ["scene", "import", "plan.json", "--out", "room"], ["plan.json: No such file"];
+    layout_is_no_layout: Bench::new().file("plan.json", "{\n\"scene_id\": 3}"),
+        ["scene", "import", "plan.json", "--out", "room"], ["plan.json:2: invalid type: integer `3`, expected a string"];
+    layout_is_empty: Bench::new().file("plan.json", "{\"scene_id\": \"a\", \"objects\": []}"),
+        ["scene", "import", "plan.json", "--out", "room"], ["plan.json: the layout has no objects"];
     suite_of_nothing: Bench::new().folder("empty"), ["suite", "empty"],
         ["no episode found; expected files, or folders that hold episodes/*.toml"];
     suite_path_is_missing: Bench::new(), ["suite", "nowhere"], ["nowhere: no such file or folder"];

@@ -86,7 +86,7 @@ fn body(thing: Placed, number: usize) -> Body {
     let moves = match (&thing.item, thing.category) {
         (Item::Piece(_), "chair" | "stool") => Some(Moves { x_m: 0.02, y_m: 0.02, yaw_rad: 0.1 }),
         (Item::Thing(kind), _) if thing.free => {
-            let yaw_rad = if kind.any_heading { 3.14 } else { 0.2 };
+            let yaw_rad = if kind.any_heading { std::f64::consts::PI } else { 0.2 };
             Some(Moves { x_m: 0.03, y_m: 0.03, yaw_rad })
         }
         _ => None,

@@ -22,6 +22,10 @@ const LEFT_OUT: &[&str] = &["Floor", "SinkBasin", "BathtubBasin"];
 const THINNEST_M: f64 = 0.006;
 /// A box is placed by its yaw when its most vertical edge is at least this steep (cosine), else by its upright box.
 const STEEP: f64 = 0.9;
+/// Flat things that carry others.
+const SLAB: &str = "counter top";
+/// The box of a thing on a slab may begin this far below the slab, metres.
+const SUNK_M: f64 = 0.015;
 /// Half the width of the robot for start places, metres.
 const START_RADIUS_M: f64 = 0.33;
 /// Below this and above that, things do not stand in the robot's way, metres.
@@ -121,7 +125,8 @@ pub fn import_ithor(text: &str, seed: u64) -> Result<GeneratedScene, ImportError
         return Err(ImportError::Empty);
     }
     entries.iter().try_for_each(|entry| check(entry))?;
-    let blocks: Vec<Block> = entries.iter().map(|entry| block(entry)).collect();
+    let mut blocks: Vec<Block> = entries.iter().map(|entry| block(entry)).collect();
+    raise_onto_slabs(&mut blocks);
     let room = find_room(&blocks);
     let mut rng = draws(seed, 0);
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
@@ -213,6 +218,23 @@ fn block(entry: &Entry) -> Block {
     match oriented {
         Some((half, yaw_rad)) => upright(half, yaw_rad),
         None => upright([0.5 * entry.size[0], 0.5 * entry.size[1]], 0.0),
+    }
+}
+
+/// Boxes of a layout reach into the slab that carries them; here they stand on it.
+fn raise_onto_slabs(blocks: &mut [Block]) {
+    let slabs: Vec<Block> = blocks.iter().filter(|block| block.category == SLAB).cloned().collect();
+    for block in blocks.iter_mut().filter(|block| block.category != SLAB) {
+        for slab in &slabs {
+            let top_m = slab.at[2] + slab.height_m;
+            let local = slab.find_local(block.at);
+            let over = (0..2).all(|i| local[i].abs() < slab.half[i]);
+            let sunk = block.at[2] > slab.at[2] - SUNK_M && block.at[2] < top_m;
+            if over && sunk && block.at[2] + block.height_m > top_m + THINNEST_M {
+                block.height_m -= top_m - block.at[2];
+                block.at[2] = top_m;
+            }
+        }
     }
 }
 

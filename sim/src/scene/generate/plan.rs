@@ -98,7 +98,7 @@ fn split(area: Rect, rooms: usize, rng: &mut Draws, out: &mut Vec<Rect>) {
         out.push(area);
         return;
     }
-    let first = if rooms % 2 == 0 { rooms / 2 } else { rooms / 2 + usize::from(rng.random::<bool>()) };
+    let first = if rooms.is_multiple_of(2) { rooms / 2 } else { rooms / 2 + usize::from(rng.random::<bool>()) };
     let along = usize::from(area.size()[1] > area.size()[0]);
     let share = first as f64 / rooms as f64 * rng.random_range(0.88..1.12);
     let at = area.min[along] + share.clamp(0.2, 0.8) * area.size()[along];

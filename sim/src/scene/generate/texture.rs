@@ -23,11 +23,11 @@ pub(super) fn draw_texture(finish: &Finish) -> Option<Vec<u8>> {
             Pattern::Grain => {
                 // Rings cut along the trunk: wavy lines along x, the wave closes at the edge.
                 let phase = f64::from(x) / f64::from(SIDE_PX) * std::f64::consts::TAU;
-                let line = (f64::from(y) * 0.785_4 + 1.6 * phase.sin()).sin();
+                let line = (f64::from(y) * std::f64::consts::FRAC_PI_4 + 1.6 * phase.sin()).sin();
                 gray(0.93 + 0.05 * line + 0.02 * noise)
             }
             Pattern::Woven => {
-                let over = (x / 4 + y / 4) % 2 == 0;
+                let over = (x / 4 + y / 4).is_multiple_of(2);
                 gray(if over { 1.0 } else { 0.78 } - 0.1 * f64::from((if over { x } else { y }) % 4 == 0))
             }
             Pattern::Tiles => {
@@ -35,8 +35,8 @@ pub(super) fn draw_texture(finish: &Finish) -> Option<Vec<u8>> {
                 gray(if joint { 0.72 } else { 0.97 + 0.02 * noise })
             }
             Pattern::Planks => {
-                let shift = if (y / 16) % 2 == 0 { 0 } else { 32 };
-                let joint = y % 16 == 0 || (x + shift) % 64 == 0;
+                let shift = if (y / 16).is_multiple_of(2) { 0 } else { 32 };
+                let joint = y.is_multiple_of(16) || (x + shift).is_multiple_of(64);
                 let plank = 0.94 + 0.04 * self::noise((x + shift) / 64 + 3, y / 16);
                 gray(if joint { 0.7 } else { plank + 0.02 * noise })
             }

@@ -1,0 +1,186 @@
+//! Contract of the generator: the same seed gives the same bytes; every home loads, is sound (nothing overlaps, falls or
+//! cannot be reached), holds what was asked for, and gives a robot room to start.
+
+use dsm_robot::model::RobotModel;
+use dsm_sim::scene::{
+    BodyMotion, GenerateError, GeneratedScene, HomeConfig, ImportError, RobotSize, SceneModel, SceneShape, Semantics,
+    check_scene, generate_home, import_ithor, scene_file,
+};
+use dsm_sim::world::{World, WorldConfig};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+fn home(seed: u64) -> GeneratedScene {
+    generate_home(&HomeConfig { seed, rooms: 5, objects: 90 }).expect("there is room")
+}
+
+fn write(scene: &GeneratedScene, folder: &Path) {
+    for (name, bytes) in &scene.files {
+        let path = folder.join(name);
+        std::fs::create_dir_all(path.parent().expect("in the folder")).expect("a folder");
+        std::fs::write(path, bytes).expect("written");
+    }
+}
+
+fn load(folder: &Path) -> (SceneModel, Semantics) {
+    let model = SceneModel::load(folder).expect("loads");
+    let semantics = Semantics::load(&scene_file(folder), &model).expect("fits");
+    (model, semantics)
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_another_does_not() {
+    assert_eq!(home(3), home(3));
+    assert_ne!(home(3).files, home(4).files);
+}
+
+#[test]
+fn twenty_homes_are_sound() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for seed in 0..20 {
+        let scene = home(seed);
+        assert_eq!((scene.rooms, scene.objects), (5, 90), "seed {seed}");
+        assert!(scene.categories >= 25, "seed {seed}: {} categories", scene.categories);
+        let path = folder.path().join(&scene.name);
+        write(&scene, &path);
+        let checked = check_scene(&path, RobotSize::default()).expect("loads");
+        assert!(checked.findings.is_empty(), "seed {seed}: {:#?}", checked.findings);
+        assert!(checked.free_bodies >= 20, "seed {seed}: {} free bodies", checked.free_bodies);
+        assert!(!checked.held_joints.is_empty(), "seed {seed}: there are doors and drawers");
+    }
+}
+
+#[test]
+fn things_are_many_of_a_kind_graspable_and_a_third_unusual() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (mut targets, mut with_two_distractors, mut objects, mut unusual) = (0, 0, 0, 0);
+    for seed in 0..10 {
+        let scene = home(seed);
+        let path = folder.path().join(&scene.name);
+        write(&scene, &path);
+        let (model, semantics) = load(&path);
+        let text = std::fs::read_to_string(path.join("semantics.toml")).expect("written");
+        objects += semantics.objects.len();
+        unusual += text.lines().filter(|line| line.ends_with("# unusual")).count();
+        let mut per_kind: BTreeMap<&str, usize> = BTreeMap::new();
+        for body in model.bodies.iter().filter(|body| body.motion == BodyMotion::Free) {
+            let object = semantics.find_object(&body.name).expect("listed");
+            *per_kind.entry(&object.category).or_default() += 1;
+            let z_m = body.world_from_body.translation.z;
+            assert!((0.3..=1.26).contains(&z_m), "seed {seed}: {} lies at {z_m} m", body.name);
+            assert!((0.02..=2.0).contains(&body.mass_kg), "seed {seed}: {} weighs {}", body.name, body.mass_kg);
+            let narrow = matches!(object.category.as_str(), "pillow" | "plate") || narrowest_m(body) <= 0.125;
+            assert!(narrow, "seed {seed}: {} is too wide for a hand", body.name);
+        }
+        targets += per_kind.values().sum::<usize>();
+        with_two_distractors += per_kind.values().filter(|count| **count >= 3).sum::<usize>();
+    }
+    assert!(2 * with_two_distractors >= targets, "{with_two_distractors} of {targets} have two distractors");
+    let share = unusual as f64 / objects as f64;
+    assert!((0.25..=0.42).contains(&share), "{unusual} of {objects} contradict their category");
+}
+
+/// The smaller horizontal extent of a body's widest solid.
+fn narrowest_m(body: &dsm_sim::scene::SceneBody) -> f64 {
+    let extent = |shape: &SceneShape| match shape {
+        SceneShape::Box { half_m } => 2.0 * half_m.x.min(half_m.y),
+        SceneShape::Cylinder { radius_m, .. } | SceneShape::Sphere { radius_m } => 2.0 * radius_m,
+        SceneShape::Ellipsoid { radii_m } => 2.0 * radii_m.x.min(radii_m.y),
+        _ => f64::INFINITY,
+    };
+    body.geoms.iter().filter(|geom| geom.collides).map(|geom| extent(&geom.shape)).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_robot_finds_a_start_in_homes_of_any_size() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let robot = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter");
+    let robot = Arc::new(RobotModel::load(&robot).expect("the robot loads"));
+    for (rooms, objects) in [(1, 25), (4, 60), (8, 150)] {
+        let scene = generate_home(&HomeConfig { seed: 11, rooms, objects }).expect("there is room");
+        let path = folder.path().join(format!("{rooms}"));
+        write(&scene, &path);
+        let world = World::load(&path, robot.clone(), WorldConfig { seed: 5, ..WorldConfig::default() });
+        let world = world.unwrap_or_else(|error| panic!("{rooms} rooms: {error}"));
+        assert_eq!(world.room_names().len(), rooms as usize);
+    }
+}
+
+#[test]
+fn numbers_out_of_range_and_homes_that_are_too_full_are_refused() {
+    let refused = |rooms, objects| generate_home(&HomeConfig { seed: 1, rooms, objects }).expect_err("refused");
+    assert_eq!(refused(0, 90).to_string(), "rooms is 0; expected 1 to 12");
+    assert_eq!(refused(5, 9).to_string(), "objects is 9; expected 10 to 600");
+    assert!(matches!(refused(1, 600), GenerateError::Full { rooms: 1, .. }));
+}
+
+/// A table with an apple, a shelf volume with a book, a fridge that holds an egg, a room of 4 m.
+const LAYOUT: &str = r#"{ "scene_id": "Plan 1", "objects": [
+  { "id": "Floor|1", "category": "Floor", "center": [0, 0, -0.05], "size": [4, 4, 0.1] },
+  { "id": "DiningTable|1", "category": "DiningTable", "center": [1, 1, 0.5], "size": [1, 0.8, 1.0], "mass": 20,
+    "materials": ["Wood"], "affordances": ["receptacle", "moveable"] },
+  { "id": "Apple|1", "category": "Apple", "center": [1, 1, 0.79], "size": [0.08, 0.08, 0.08], "mass": 0.2,
+    "materials": ["Food"], "affordances": ["pickupable"] },
+  { "id": "Fridge|1", "category": "Fridge", "center": [-1.6, 1.6, 0.9], "size": [0.7, 0.7, 1.8] },
+  { "id": "Egg|1", "category": "Egg", "center": [-1.6, 1.55, 1.13], "size": [0.05, 0.05, 0.06] },
+  { "id": "GarbageCan|1", "category": "GarbageCan", "center": [-1.7, -1.7, 0.25], "size": [0.3, 0.3, 0.5] },
+  { "id": "SpaceHeater|1", "category": "SpaceHeater", "center": [1.8, -1.8, 0.25], "size": [0.3, 0.3, 0.5],
+    "oriented_corners": [[1.8,-2.0,0],[2.0,-1.8,0],[1.8,-1.6,0],[1.6,-1.8,0],[1.8,-2.0,0.5],[2.0,-1.8,0.5],[1.8,-1.6,0.5],[1.6,-1.8,0.5]] }
+] }"#;
+
+#[test]
+fn a_layout_becomes_a_room_whose_receptacles_are_hollow() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = import_ithor(LAYOUT, 1).expect("a layout");
+    assert_eq!(scene, import_ithor(LAYOUT, 1).expect("a layout"), "same bytes");
+    assert_ne!(scene.files, import_ithor(LAYOUT, 2).expect("a layout").files, "colours by seed");
+    write(&scene, folder.path());
+    let (model, semantics) = load(folder.path());
+    let categories: Vec<&str> = semantics.objects.iter().map(|o| o.category.as_str()).collect();
+    assert_eq!(categories, ["dining table", "apple", "fridge", "egg", "garbage can", "space heater"]);
+    assert!(model.bodies.iter().all(|body| body.motion == BodyMotion::Fixed));
+    let checked = check_scene(folder.path(), RobotSize::default()).expect("loads");
+    assert!(
+        checked.findings.is_empty(),
+        "what lies in a fridge or on a table overlaps nothing: {:#?}",
+        checked.findings
+    );
+    let material = |body: &str| semantics.find_object(body).and_then(|o| o.material.clone());
+    assert_eq!((material("apple_1").as_deref(), material("fridge_1").as_deref()), (Some("organic"), None));
+    // Corners give the heading: the heater stands at 45 degrees with sides of 0.28 m.
+    let heater = model.bodies.iter().find(|body| body.name == "space_heater_1").expect("there");
+    let yaw = heater.world_from_body.rotation.euler_angles().2.to_degrees().rem_euclid(90.0);
+    assert!((yaw - 45.0).abs() < 0.1, "{yaw}");
+}
+
+#[test]
+fn broken_layouts_are_refused_with_line_or_object() {
+    let refused = |text: &str| import_ithor(text, 1).expect_err("refused").to_string();
+    assert!(refused("{\n\"scene_id\": \"a\",\n\"objects\": 3}").starts_with("line 3: "));
+    assert!(matches!(import_ithor("{\"scene_id\": \"a\", \"objects\": []}", 1), Err(ImportError::Empty)));
+    let text = LAYOUT.replace("\"size\": [0.08, 0.08, 0.08]", "\"size\": [0.08, -0.08, 0.08]");
+    assert_eq!(refused(&text), "object `Apple|1`: size is -0.08; expected 0 to 50 m");
+}
+
+#[test]
+// The message is how a reader of the test's output learns that nothing was measured.
+#[allow(clippy::print_stderr)]
+fn floor_plans_import_when_they_are_there() {
+    let Some(data) = std::env::var_os("DSM_DATA") else {
+        eprintln!("skipped: DSM_DATA does not name the folder with ithor/");
+        return;
+    };
+    let entries = std::fs::read_dir(PathBuf::from(data).join("ithor")).expect("floor plans");
+    let target = tempfile::tempdir().expect("a temporary folder");
+    for entry in entries {
+        let path = entry.expect("listed").path();
+        let scene = import_ithor(&std::fs::read_to_string(&path).expect("text"), 1);
+        let scene = scene.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let out = target.path().join(&scene.name);
+        write(&scene, &out);
+        let (model, semantics) = load(&out);
+        assert_eq!(model.bodies.len() - 1, semantics.objects.len(), "{}", path.display());
+        assert!(!semantics.start.areas.is_empty(), "{}: the robot can stand somewhere", path.display());
+    }
+}

@@ -1,0 +1,382 @@
+//! What a suite comes to: one line per episode, sums with intervals, a table, a JUnit file and a page.
+
+use crate::report::{IndexLine, index_page};
+use crate::summary::{Metrics, Stage, Summary};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Version of `suite.json`.
+const SUITE_SCHEMA: u32 = 1;
+/// An object other than the targets counts as displaced from here on, metres.
+const DISPLACED_M: f64 = 0.05;
+
+/// One line of the suite.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub(super) struct SuiteEpisode {
+    /// Name of the episode.
+    pub id: String,
+    /// Seed.
+    pub seed: u64,
+    /// Whether it succeeded.
+    pub success: bool,
+    /// The stage that failed.
+    pub failed_stage: Option<Stage>,
+    /// Why.
+    pub reason: Option<String>,
+    /// Metrics; null when it did not run to its end.
+    pub metrics: Option<Metrics>,
+    /// The skill of its last step; null when it did not run to its end.
+    #[serde(default)]
+    pub skill: Option<String>,
+}
+
+/// A share with its interval.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Share {
+    /// How many.
+    pub count: usize,
+    /// Of how many.
+    pub of: usize,
+    /// The share, 0 to 1.
+    pub rate: f64,
+    /// Wilson's interval, 95 %.
+    pub interval: [f64; 2],
+}
+
+/// Sums over the suite.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub(super) struct Totals {
+    /// Episodes run.
+    episodes: usize,
+    /// Episodes that succeeded.
+    successes: usize,
+    /// Share of successes, 0 to 1.
+    success_rate: f64,
+    /// Wilson interval of the share, 95 %.
+    success_interval: [f64; 2],
+    /// Successes by the skill of the last step.
+    by_skill: BTreeMap<String, Share>,
+    /// Episodes by the stage in which they failed.
+    failed_stages: BTreeMap<String, Share>,
+    /// Mean of success weighted by path length, over the episodes that have a shortest path.
+    spl: Option<f64>,
+    /// Mean of the share of the way that was gone, weighted alike.
+    soft_spl: Option<f64>,
+    /// Collisions over all episodes.
+    collisions: u32,
+    /// Episodes with a collision.
+    with_collision: Share,
+    /// Limit violations over all episodes.
+    limit_violations: u32,
+    /// Smallest distance between the robot's base and the world over all episodes, metres.
+    min_clearance_m: Option<f64>,
+    /// The farthest that an object other than a target was moved, metres.
+    non_target_displacement_max_m: f64,
+    /// Episodes in which such an object was moved by more than 5 cm.
+    with_displacement: Share,
+    /// Simulated time, seconds.
+    sim_time_s: f64,
+    /// Median of the simulated times, seconds.
+    sim_time_median_s: Option<f64>,
+    /// Driven path, metres.
+    path_length_m: f64,
+}
+
+/// `suite.json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub(super) struct Suite {
+    /// Version of this layout.
+    schema: u32,
+    /// Episodes sorted by name and seed.
+    episodes: Vec<SuiteEpisode>,
+    /// Sums.
+    totals: Totals,
+}
+
+impl From<Summary> for SuiteEpisode {
+    fn from(summary: Summary) -> Self {
+        Self {
+            id: summary.episode,
+            seed: summary.seed,
+            success: summary.success,
+            failed_stage: summary.failure.as_ref().map(|f| f.stage),
+            reason: summary.failure.map(|f| f.reason),
+            metrics: Some(summary.metrics),
+            skill: summary.steps.last().map(|step| step.skill.clone()),
+        }
+    }
+}
+
+impl SuiteEpisode {
+    /// The line of an episode that did not come to its end.
+    pub(super) fn without_metrics(id: &str, seed: u64, stage: Stage, reason: String) -> Self {
+        Self {
+            id: id.to_owned(),
+            seed,
+            success: false,
+            failed_stage: Some(stage),
+            reason: Some(reason),
+            metrics: None,
+            skill: None,
+        }
+    }
+
+    fn sim_time_s(&self) -> f64 {
+        self.metrics.as_ref().map_or(0.0, |m| m.sim_time_s)
+    }
+}
+
+impl Suite {
+    /// Sums up; the episodes are sorted.
+    pub(super) fn new(episodes: Vec<SuiteEpisode>) -> Self {
+        Self { schema: SUITE_SCHEMA, totals: totals(&episodes), episodes }
+    }
+
+    /// Whether no episode failed.
+    pub(super) fn all_succeed(&self) -> bool {
+        self.totals.successes == self.totals.episodes
+    }
+
+    /// The page that links the report of every episode.
+    pub(super) fn index_page(&self, folder: &Path) -> String {
+        let lines: Vec<IndexLine<'_>> = self
+            .episodes
+            .iter()
+            .map(|e| {
+                let report = format!("{}-{}/report.html", e.id, e.seed);
+                let stage = e.failed_stage.map(|stage| format!("{}: ", word(stage)));
+                IndexLine {
+                    episode: &e.id,
+                    seed: e.seed,
+                    success: e.success,
+                    why: stage.unwrap_or_default() + e.reason.as_deref().unwrap_or_default(),
+                    metrics: e.metrics.as_ref(),
+                    report: folder.join(&report).is_file().then_some(report),
+                }
+            })
+            .collect();
+        let t = &self.totals;
+        let [low, high] = t.success_interval.map(|share| 100.0 * share);
+        let text = format!(
+            "{} of {} episodes succeeded ({:.0} %, 95 % interval {low:.0} to {high:.0} %); {} collisions, {} limit \
+             violations, {:.0} simulated seconds.",
+            t.successes,
+            t.episodes,
+            100.0 * t.success_rate,
+            t.collisions,
+            t.limit_violations,
+            t.sim_time_s
+        );
+        index_page(&text, &lines)
+    }
+
+    /// A table for people.
+    pub(super) fn table(&self) -> String {
+        let mut text = String::new();
+        for e in &self.episodes {
+            let mark = if e.success { "ok    " } else { "FAILED" };
+            let _ = write!(text, "{mark} {:<32} seed {:<4} {:6.1} s", e.id, e.seed, e.sim_time_s());
+            if let (Some(stage), Some(reason)) = (e.failed_stage, &e.reason) {
+                let _ = write!(text, "  {}: {reason}", word(stage));
+            }
+            text.push('\n');
+        }
+        let t = &self.totals;
+        let all = share(t.successes, t.episodes);
+        let _ = writeln!(text, "\nsuccess                {}", describe(&all));
+        for (skill, share) in &t.by_skill {
+            let _ = writeln!(text, "  {skill:<20} {}", describe(share));
+        }
+        for (stage, share) in &t.failed_stages {
+            let _ = writeln!(text, "failed in {stage:<12} {}", describe(share));
+        }
+        let figure = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.3}"));
+        let _ = writeln!(text, "SPL {}, soft SPL {}", figure(t.spl), figure(t.soft_spl));
+        let _ = writeln!(text, "collisions {}, in {}", t.collisions, describe(&t.with_collision));
+        let _ =
+            writeln!(text, "limit violations {}, least clearance {} m", t.limit_violations, figure(t.min_clearance_m));
+        let _ = writeln!(
+            text,
+            "others moved at most {:.3} m; by more than {DISPLACED_M} m in {}",
+            t.non_target_displacement_max_m,
+            describe(&t.with_displacement)
+        );
+        let median = t.sim_time_median_s.unwrap_or(0.0);
+        let _ =
+            writeln!(text, "simulated {:.0} s, median {median:.1} s; driven {:.0} m", t.sim_time_s, t.path_length_m);
+        text
+    }
+
+    /// A JUnit file; its times are simulated.
+    pub(super) fn junit(&self) -> String {
+        let t = &self.totals;
+        let crashes = self.episodes.iter().filter(|e| e.failed_stage == Some(Stage::Crash)).count();
+        let counts = format!(
+            "tests=\"{}\" failures=\"{}\" errors=\"{crashes}\" time=\"{:.2}\"",
+            t.episodes,
+            t.episodes - t.successes - crashes,
+            t.sim_time_s
+        );
+        let mut text = format!(
+            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"dsm\" {counts}>\n<testsuite name=\"dsm\" {counts}>\n"
+        );
+        for e in &self.episodes {
+            let (id, time) = (escape(&e.id), e.sim_time_s());
+            let _ = write!(text, "  <testcase classname=\"{id}\" name=\"seed {}\" time=\"{time:.2}\"", e.seed);
+            if e.success {
+                text.push_str("/>\n");
+                continue;
+            }
+            let kind = if e.failed_stage == Some(Stage::Crash) { "error" } else { "failure" };
+            let stage = e.failed_stage.map_or(String::new(), word);
+            let reason = escape(e.reason.as_deref().unwrap_or(""));
+            let _ = writeln!(text, "><{kind} type=\"{stage}\" message=\"{reason}\"/></testcase>");
+        }
+        text.push_str("</testsuite>\n</testsuites>\n");
+        text
+    }
+}
+
+/// Text for an XML attribute; characters that XML does not allow are left out.
+fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\n' | '\r' | '\t' => escaped.push(' '),
+            c if c < ' ' || matches!(c, '\u{fffe}' | '\u{ffff}') => {}
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}
+
+/// The stage as `suite.json` writes it.
+fn word(stage: Stage) -> String {
+    let value = serde_json::to_value(stage).ok();
+    value.as_ref().and_then(|value| value.as_str()).unwrap_or("unknown").to_owned()
+}
+
+fn describe(share: &Share) -> String {
+    let [rate, low, high] = [share.rate, share.interval[0], share.interval[1]].map(|v| 100.0 * v);
+    format!("{} of {} ({rate:.1} %, 95 % interval {low:.1} to {high:.1} %)", share.count, share.of)
+}
+
+fn totals(episodes: &[SuiteEpisode]) -> Totals {
+    let n = episodes.len();
+    let successes = episodes.iter().filter(|e| e.success).count();
+    let metrics = || episodes.iter().filter_map(|e| e.metrics.as_ref());
+    let all = share(successes, n);
+    let mean = |values: Vec<f64>| (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64);
+    let mut by_skill: BTreeMap<String, (usize, usize)> = BTreeMap::new();
+    let mut failed_stages: BTreeMap<String, usize> = BTreeMap::new();
+    for episode in episodes {
+        if let Some(skill) = &episode.skill {
+            let (good, of) = by_skill.entry(skill.clone()).or_default();
+            (*good, *of) = (*good + usize::from(episode.success), *of + 1);
+        }
+        if let Some(stage) = episode.failed_stage {
+            *failed_stages.entry(word(stage)).or_default() += 1;
+        }
+    }
+    let mut times: Vec<f64> = metrics().map(|m| m.sim_time_s).collect();
+    times.sort_by(f64::total_cmp);
+    Totals {
+        episodes: n,
+        successes,
+        success_rate: all.rate,
+        success_interval: all.interval,
+        by_skill: by_skill.into_iter().map(|(skill, (good, of))| (skill, share(good, of))).collect(),
+        failed_stages: failed_stages.into_iter().map(|(stage, count)| (stage, share(count, n))).collect(),
+        spl: mean(metrics().filter_map(|m| m.spl).collect()),
+        soft_spl: mean(metrics().filter_map(|m| m.soft_spl).collect()),
+        collisions: metrics().map(|m| m.collisions).sum(),
+        with_collision: share(metrics().filter(|m| m.collisions > 0).count(), n),
+        limit_violations: metrics().map(|m| m.limit_violations).sum(),
+        min_clearance_m: metrics().filter_map(|m| m.min_clearance_m).min_by(f64::total_cmp),
+        non_target_displacement_max_m: metrics().map(|m| m.non_target_displacement_max_m).fold(0.0, f64::max),
+        with_displacement: share(metrics().filter(|m| m.non_target_displacement_max_m > DISPLACED_M).count(), n),
+        sim_time_s: metrics().map(|m| m.sim_time_s).sum(),
+        sim_time_median_s: times.get(times.len() / 2).copied(),
+        path_length_m: metrics().map(|m| m.path_length_m).sum(),
+    }
+}
+
+fn share(count: usize, of: usize) -> Share {
+    Share { count, of, rate: count as f64 / of.max(1) as f64, interval: wilson(count, of) }
+}
+
+/// Wilson's score interval of a share at 95 %.
+fn wilson(successes: usize, n: usize) -> [f64; 2] {
+    if n == 0 {
+        return [0.0, 1.0];
+    }
+    let (n, z) = (n as f64, 1.959_963_985);
+    let p = successes as f64 / n;
+    let center = (p + z * z / (2.0 * n)) / (1.0 + z * z / n);
+    let half = z / (1.0 + z * z / n) * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
+    [(center - half).max(0.0), (center + half).min(1.0)]
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: the interval is Wilson's; stages, skills and figures are summed; JUnit is XML whatever a reason holds.
+    use super::*;
+
+    fn line(id: &str, stage: Option<Stage>, spl: Option<f64>) -> SuiteEpisode {
+        let metrics = Metrics {
+            sim_time_s: 10.0,
+            path_length_m: 2.0,
+            shortest_path_m: spl.map(|_| 1.0),
+            spl,
+            soft_spl: spl,
+            collisions: u32::from(stage.is_some()),
+            min_clearance_m: Some(0.1),
+            limit_violations: 0,
+            non_target_displacement_max_m: 0.06,
+        };
+        SuiteEpisode {
+            id: id.to_owned(),
+            seed: 1,
+            success: stage.is_none(),
+            failed_stage: stage,
+            reason: stage.map(|_| "a < b & \"c\"\u{1}\nd".to_owned()),
+            metrics: Some(metrics),
+            skill: Some("grasp".to_owned()),
+        }
+    }
+
+    #[test]
+    fn wilson_interval_of_nine_in_ten() {
+        // Value from R: binom::binom.wilson(9, 10).
+        let [low, high] = wilson(9, 10);
+        assert!((low - 0.5958).abs() < 1e-3 && (high - 0.9821).abs() < 1e-3, "{low} {high}");
+    }
+
+    #[test]
+    fn sums_count_each_episode_once() {
+        let crashed = SuiteEpisode::without_metrics("c", 2, Stage::Crash, "boom".into());
+        let suite = Suite::new(vec![line("a", None, Some(0.5)), line("b", Some(Stage::Hold), Some(0.0)), crashed]);
+        let t = &suite.totals;
+        assert_eq!((t.episodes, t.successes, t.collisions), (3, 1, 1));
+        assert_eq!((t.failed_stages["hold"].count, t.failed_stages["crash"].count), (1, 1));
+        assert_eq!((t.by_skill["grasp"].count, t.by_skill["grasp"].of), (1, 2));
+        assert_eq!((t.spl, t.with_displacement.count), (Some(0.25), 2));
+        assert!(!suite.all_succeed() && suite.table().contains("failed in hold"));
+    }
+
+    #[test]
+    fn junit_is_well_formed() {
+        let crashed = SuiteEpisode::without_metrics("c<1>", 2, Stage::Crash, "boom".into());
+        let text = Suite::new(vec![line("a", None, None), line("b", Some(Stage::Hold), None), crashed]).junit();
+        assert!(text.contains("tests=\"3\" failures=\"1\" errors=\"1\" time=\"20.00\""), "{text}");
+        assert!(text.contains("message=\"a &lt; b &amp; &quot;c&quot; d\""), "{text}");
+        assert!(text.contains("classname=\"c&lt;1&gt;\"") && text.contains("<error type=\"crash\""), "{text}");
+    }
+}

@@ -1,0 +1,156 @@
+//! What is true of a home, as far as words about it need it.
+
+use dsm::knowledge::Knowledge;
+use dsm_sim::scene::{BodyMotion, SceneBody, SceneModel, SceneShape, Semantics};
+use nalgebra::{Point2, Point3};
+
+/// A thing stands on what ends this close below it, metres.
+const CARRY_GAP_M: f64 = 0.006;
+/// What a hand can close around, metres.
+const HAND_M: f64 = 0.115;
+/// Heights of surfaces on which things are put, metres.
+const SURFACE_HEIGHT_M: (f64, f64) = (0.3, 1.0);
+/// Categories on which people put things.
+const SURFACES: &[&str] = &[
+    "table",
+    "dining table",
+    "coffee table",
+    "side table",
+    "desk",
+    "countertop",
+    "cabinet",
+    "dresser",
+    "nightstand",
+    "bench",
+    "tv stand",
+];
+
+/// One object.
+#[derive(Clone, Debug)]
+pub(super) struct HomeObject {
+    pub body: String,
+    pub category: String,
+    /// Its colour, when it has one and no print in another.
+    pub color: Option<String>,
+    /// Whether a print makes its colour a matter of taste.
+    pub printed: bool,
+    pub room: Option<String>,
+    /// Its origin in the world, metres.
+    pub at: Point3<f64>,
+    pub free: bool,
+    /// The object that carries it.
+    pub support: Option<usize>,
+    /// Whether the hand can take it.
+    pub graspable: bool,
+    /// Whether it stands on the floor and is more than a rug.
+    pub stands: bool,
+    /// Whether people put things on it.
+    pub is_surface: bool,
+}
+
+/// All objects and the rooms with a name of their own.
+pub(super) struct Home {
+    pub objects: Vec<HomeObject>,
+    pub rooms: Vec<String>,
+}
+
+impl Home {
+    pub(super) fn read(model: &SceneModel, semantics: &Semantics) -> Self {
+        let bodies: Vec<&SceneBody> = semantics
+            .objects
+            .iter()
+            .filter_map(|object| model.bodies.iter().find(|body| body.name == object.body))
+            .collect();
+        let mut objects: Vec<HomeObject> = Vec::with_capacity(bodies.len());
+        for (object, body) in semantics.objects.iter().zip(&bodies) {
+            let at = Point3::from(body.world_from_body.translation.vector);
+            let free = body.motion == BodyMotion::Free;
+            let printed = matches!(object.pattern.as_deref(), Some("striped" | "checkered" | "dotted"));
+            let top_m = top_of(body);
+            let takes = object.affordances.iter().any(|a| a == "pick up");
+            let surface = SURFACES.contains(&object.category.as_str());
+            objects.push(HomeObject {
+                body: object.body.clone(),
+                category: object.category.clone(),
+                color: object.color.clone().filter(|_| !printed),
+                printed,
+                room: semantics.find_room(Point2::new(at.x, at.y)).map(|room| room.name.clone()),
+                at,
+                free,
+                support: bodies.iter().position(|below| free && below.name != body.name && carries(below, &at)),
+                graspable: free && takes && object.category != "pillow" && width_of(body) <= HAND_M,
+                stands: at.z.abs() < 0.01 && top_m > 0.1,
+                is_surface: surface && (SURFACE_HEIGHT_M.0..=SURFACE_HEIGHT_M.1).contains(&top_m),
+            });
+        }
+        let rooms = semantics.rooms.iter().map(|room| room.name.clone());
+        // "bedroom 2" is no name that anybody would say, and leaves "bedroom" ambiguous.
+        let numbered = |name: &str| name.ends_with(|c: char| c.is_ascii_digit());
+        let all: Vec<String> = rooms.collect();
+        let rooms = all
+            .iter()
+            .filter(|name| !numbered(name) && !all.iter().any(|other| other != *name && other.starts_with(*name)))
+            .cloned()
+            .collect();
+        Self { objects, rooms }
+    }
+
+    /// Whether the object may be called by that name: its category, or a wider one.
+    pub(super) fn is_called(&self, index: usize, name: &str, knowledge: &Knowledge) -> bool {
+        let category = &self.objects[index].category;
+        let canonical = knowledge.find_exact(name).map_or(name, |known| known.name.as_str());
+        category == name || knowledge.find_exact(category).is_some_and(|known| known.is_a(canonical))
+    }
+
+    /// Whether the condition holds for this object and no other.
+    pub(super) fn is_only(&self, index: usize, holds: &dyn Fn(usize) -> bool) -> bool {
+        (0..self.objects.len()).all(|other| holds(other) == (other == index))
+    }
+
+    /// Others of the same category.
+    pub(super) fn count_others(&self, index: usize) -> usize {
+        self.objects.iter().filter(|other| other.category == self.objects[index].category).count() - 1
+    }
+
+    /// Things that stand on it.
+    pub(super) fn count_on(&self, index: usize) -> usize {
+        self.objects.iter().filter(|object| object.support == Some(index)).count()
+    }
+}
+
+/// Whether the point lies right on one of the body's level boxes.
+fn carries(body: &SceneBody, point_in_world: &Point3<f64>) -> bool {
+    let point = body.world_from_body.inverse_transform_point(point_in_world);
+    body.geoms.iter().filter(|geom| geom.collides).any(|geom| {
+        let SceneShape::Box { half_m } = &geom.shape else { return false };
+        let local = geom.body_from_geom.inverse_transform_point(&point);
+        let over = local.x.abs() <= half_m.x && local.y.abs() <= half_m.y;
+        over && (local.z - half_m.z).abs() <= CARRY_GAP_M
+    })
+}
+
+/// Height of the highest level box above the floor, metres.
+fn top_of(body: &SceneBody) -> f64 {
+    let tops = body.geoms.iter().filter(|geom| geom.collides).map(|geom| {
+        let half_z = match &geom.shape {
+            SceneShape::Box { half_m } => half_m.z,
+            SceneShape::Cylinder { half_length_m, .. } => *half_length_m,
+            SceneShape::Sphere { radius_m } => *radius_m,
+            SceneShape::Ellipsoid { radii_m } => radii_m.z,
+            _ => 0.0,
+        };
+        body.world_from_body.translation.z + geom.body_from_geom.translation.z + half_z
+    });
+    tops.fold(0.0, f64::max)
+}
+
+/// The smaller horizontal extent of the widest solid, metres.
+fn width_of(body: &SceneBody) -> f64 {
+    let widths = body.geoms.iter().filter(|geom| geom.collides).map(|geom| match &geom.shape {
+        SceneShape::Box { half_m } => 2.0 * half_m.x.min(half_m.y),
+        SceneShape::Cylinder { radius_m, .. } | SceneShape::Sphere { radius_m } => 2.0 * radius_m,
+        SceneShape::Ellipsoid { radii_m } => 2.0 * radii_m.x.min(radii_m.y),
+        _ => f64::INFINITY,
+    });
+    widths.fold(0.0, f64::max)
+}

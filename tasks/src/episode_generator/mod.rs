@@ -1,0 +1,207 @@
+//! Episodes for generated homes: commands whose words mean exactly one thing there, and what must be true afterwards.
+//!
+//! This is the judging side: it reads what the bodies of a scene are, writes episode files, and nothing of it reaches a
+//! run but the words of the commands.
+
+mod home;
+mod words;
+
+use crate::episode::EPISODE_VERSION;
+use dsm::knowledge::Knowledge;
+use dsm_sim::scene::{SceneModel, Semantics};
+use home::{Home, HomeObject};
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::fmt::Write;
+use words::find_names;
+
+/// Simulated time for an episode that begins in an unknown home, seconds.
+const TIME_LIMIT_S: f64 = 360.0;
+/// The same when a thing is to be carried to another place.
+const CARRY_LIMIT_S: f64 = 480.0;
+/// How often a thing with at least two others of its class is chosen before one without.
+const DISTRACTED_SHARE: f64 = 0.6;
+/// A surface on which a thing is to be put holds at most this many things already.
+const MOST_ON_SURFACE: usize = 3;
+
+/// What an episode is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Navigate,
+    Room,
+    Grasp,
+    Place,
+}
+
+/// The kinds of a home's episodes, in turn.
+const KINDS: [Kind; 8] =
+    [Kind::Grasp, Kind::Navigate, Kind::Place, Kind::Grasp, Kind::Room, Kind::Grasp, Kind::Place, Kind::Navigate];
+
+/// An episode file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GeneratedEpisode {
+    /// Name of the file without its ending.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+}
+
+/// Writes up to `count` episodes for a home whose scene lies one folder above the episode files; fewer when the home
+/// does not hold enough that words can tell apart. The same arguments give the same texts.
+pub fn write_episodes(
+    model: &SceneModel,
+    semantics: &Semantics,
+    knowledge: &Knowledge,
+    seed: u64,
+    count: usize,
+) -> Vec<GeneratedEpisode> {
+    let home = Home::read(model, semantics);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6570_6973_6f64_6573);
+    let mut used: Vec<String> = Vec::new();
+    let mut episodes = Vec::new();
+    // A kind that a home cannot offer is skipped; a second round makes up for it with the others.
+    for kind in KINDS.iter().cycle().take(KINDS.len() * (count / KINDS.len() + 2)) {
+        if episodes.len() == count {
+            break;
+        }
+        let Some(task) = find_task(*kind, &home, knowledge, &mut used, &mut rng) else { continue };
+        let number = episodes.len() + 1;
+        episodes.push(GeneratedEpisode {
+            name: format!("{}_{number}_{}", semantics.name, task.kind),
+            text: task.write(&semantics.name, seed),
+        });
+    }
+    episodes
+}
+
+/// A command and what it must lead to.
+struct Task {
+    kind: &'static str,
+    why: String,
+    command: String,
+    expect: String,
+    time_limit_s: f64,
+}
+
+impl Task {
+    fn write(&self, scene: &str, seed: u64) -> String {
+        let mut text = format!("# Generated for {scene}. {}\nversion = {EPISODE_VERSION}\n", self.why);
+        let _ = write!(
+            text,
+            "scene = \"../scene.xml\"\nrobot = \"porter\"\nseed = {seed}\ntime_limit_s = {}\n\n[[step]]\ncommand = \"{}\"\n\n\
+             [[expect]]\n{}\n",
+            self.time_limit_s, self.command, self.expect
+        );
+        text
+    }
+}
+
+fn find_task(
+    kind: Kind,
+    home: &Home,
+    knowledge: &Knowledge,
+    used: &mut Vec<String>,
+    rng: &mut ChaCha8Rng,
+) -> Option<Task> {
+    match kind {
+        Kind::Room => {
+            let rooms: Vec<&String> = home.rooms.iter().filter(|room| !used.contains(room)).collect();
+            let room = (*rooms.get(rng.random_range(0..rooms.len().max(1)))?).clone();
+            used.push(room.clone());
+            Some(Task {
+                kind: "room",
+                why: "Only what stands in a room tells which it is.".into(),
+                command: format!("Go to the {room}"),
+                expect: format!("kind = \"robot_near\"\nroom = \"{room}\""),
+                time_limit_s: TIME_LIMIT_S,
+            })
+        }
+        Kind::Navigate => {
+            let goals = |object: &HomeObject| !object.free && object.stands;
+            let (body, name, others) = choose(home, knowledge, &goals, used, rng)?;
+            let verb = ["Go to", "Navigate to", "Drive to"][rng.random_range(0..3)];
+            Some(Task {
+                kind: "navigate",
+                why: others,
+                command: format!("{verb} the {name}"),
+                expect: format!("kind = \"robot_near\"\nobject = \"{body}\""),
+                time_limit_s: TIME_LIMIT_S,
+            })
+        }
+        Kind::Grasp => {
+            let (body, name, others) = choose(home, knowledge, &|object| object.graspable, used, rng)?;
+            let verb = ["Grasp", "Pick up", "Take"][rng.random_range(0..3)];
+            Some(Task {
+                kind: "grasp",
+                why: others,
+                command: format!("{verb} the {name}"),
+                expect: format!("kind = \"object_lifted\"\nobject = \"{body}\""),
+                time_limit_s: TIME_LIMIT_S,
+            })
+        }
+        Kind::Place => {
+            let (body, name, others) = choose(home, knowledge, &|object| object.graspable, used, rng)?;
+            let (surface, surface_name) = choose_surface(home, knowledge, &body, rng)?;
+            let command = if rng.random::<bool>() {
+                format!("Put the {name} on the {surface_name}")
+            } else {
+                format!("Bring the {name} to the {surface_name}")
+            };
+            Some(Task {
+                kind: "place",
+                why: others,
+                command,
+                expect: format!("kind = \"object_on\"\nobject = \"{body}\"\nsurface = \"{surface}\""),
+                time_limit_s: CARRY_LIMIT_S,
+            })
+        }
+    }
+}
+
+/// A body that was not used yet, words that mean it alone, and how many others of its class there are.
+fn choose(
+    home: &Home,
+    knowledge: &Knowledge,
+    wanted: &dyn Fn(&HomeObject) -> bool,
+    used: &mut Vec<String>,
+    rng: &mut ChaCha8Rng,
+) -> Option<(String, String, String)> {
+    let mut candidates: Vec<usize> = (0..home.objects.len())
+        .filter(|i| wanted(&home.objects[*i]) && !used.contains(&home.objects[*i].body))
+        .collect();
+    candidates.shuffle(rng);
+    let others = |index: &usize| home.count_others(*index);
+    if rng.random::<f64>() < DISTRACTED_SHARE {
+        candidates.sort_by_key(|index| others(index) < 2);
+    }
+    candidates.into_iter().find_map(|index| {
+        let names = find_names(index, home, knowledge);
+        let name = names.get(rng.random_range(0..names.len().max(1)))?.clone();
+        let object = &home.objects[index];
+        used.push(object.body.clone());
+        let why = match others(&index) {
+            0 => format!("The only {} here.", object.category),
+            1 => format!("There is one other {}.", object.category),
+            n => format!("There are {n} others of the class {}.", object.category),
+        };
+        Some((object.body.clone(), name, why))
+    })
+}
+
+/// A surface other than the one that carries the body, named by its category alone, with room on it.
+fn choose_surface(home: &Home, knowledge: &Knowledge, body: &str, rng: &mut ChaCha8Rng) -> Option<(String, String)> {
+    let now_on = home.objects.iter().find(|object| object.body == body)?.support;
+    let mut surfaces: Vec<usize> = (0..home.objects.len())
+        .filter(|i| Some(*i) != now_on && home.objects[*i].is_surface && home.count_on(*i) <= MOST_ON_SURFACE)
+        .collect();
+    surfaces.shuffle(rng);
+    surfaces.into_iter().find_map(|index| {
+        let object = &home.objects[index];
+        home.is_only(index, &|other| home.is_called(other, &object.category, knowledge))
+            .then(|| (object.body.clone(), object.category.clone()))
+    })
+}
+
+#[cfg(test)]
+mod tests;
