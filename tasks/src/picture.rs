@@ -363,7 +363,8 @@ fn encode_png(width: u32, height: u32, pixels: &[[u8; 3]]) -> Vec<u8> {
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Balanced);
+    // Noise does not get smaller by trying harder.
+    encoder.set_compression(png::Compression::Fast);
     let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(pixels.as_flattened()));
     // Only an image without pixels, or one whose sides do not fit its pixels, is refused; there is nothing to show then.
     if written.is_err() {

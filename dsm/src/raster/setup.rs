@@ -44,6 +44,14 @@ impl Seen {
         Self(DISC | index as u32)
     }
 
+    /// The other one where the condition holds. In bits, because the compiler makes a choice between places in memory of
+    /// a choice between values, which is much slower.
+    #[inline(always)]
+    pub(super) fn replaced_if(self, condition: bool, other: Self) -> Self {
+        let mask = u32::from(condition).wrapping_neg();
+        Self(other.0 & mask | self.0 & !mask)
+    }
+
     /// Whether it is something that light falls on.
     #[inline(always)]
     pub(super) fn is_triangle(self) -> bool {
@@ -266,11 +274,12 @@ impl Part {
 
     #[inline]
     fn add_triangle(&mut self, view: &View, vertices: [u32; 3], instance: u32, culling: Culling) {
-        let [a, b, c] = [0, 1, 2].map(|i| &self.corners[vertices[i] as usize]);
+        let [i, j, k] = vertices.map(|vertex| vertex as usize);
+        let (a, b, c) = (&self.corners[i], &self.corners[j], &self.corners[k]);
         let Some(outline) = Outline::find([a, b, c], [view.model.width, view.model.height], culling) else { return };
         let (triangle, shares) = (outline.triangle(), outline.shares());
         let nearness = a.nearness * b.nearness * c.nearness;
-        let [a, b, c] = [0, 1, 2].map(|i| &self.vertices[vertices[i] as usize]);
+        let (a, b, c) = (&self.vertices[i], &self.vertices[j], &self.vertices[k]);
         let uv_area = (b.uv[0] - a.uv[0]) * (c.uv[1] - a.uv[1]) - (c.uv[0] - a.uv[0]) * (b.uv[1] - a.uv[1]);
         let uv_density = (uv_area * nearness * shares.inverse_area).abs();
         let flat = a.normal == b.normal && a.normal == c.normal;

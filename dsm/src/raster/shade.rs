@@ -180,10 +180,11 @@ impl<'a> Shader<'a> {
                     lit = true;
                     let part = &self.prepared.parts[part];
                     let (triangle, surface) = (&part.triangles[index], &part.surfaces[index]);
-                    let [a, b, c] = surface.vertices.map(|i| &part.vertices[i as usize]);
+                    let [a, b, c] = surface.vertices;
+                    let vertex = |i: u32| &part.vertices[i as usize];
                     let look = &self.looks[self.look_of_instance[surface.instance as usize] as usize];
                     let pixel = [first_column as i32, row as i32];
-                    gather_run(piece, triangle, surface, [a, b, c], look, run, pixel);
+                    gather_run(piece, triangle, surface, [vertex(a), vertex(b), vertex(c)], look, run, pixel);
                     self.labels[surface.instance as usize]
                 }
                 Thing::Nothing => 0,

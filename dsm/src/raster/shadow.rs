@@ -17,7 +17,7 @@ use crate::Pose;
 use nalgebra::{Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 /// Side of a texel in metres, unless the scene is so large that the map would grow beyond [`SIDE_MAX`].
-const TEXEL_M: f64 = 0.015;
+const TEXEL_M: f64 = 0.02;
 /// Most texels along a side.
 const SIDE_MAX: f64 = 1500.0;
 /// The map reaches so far beyond what it was made for, metres.
@@ -228,7 +228,8 @@ impl ShadowMap {
         self.corners.extend(mesh.positions().iter().map(texel));
         let size = limits.map(|limit| limit as u32);
         for corners in mesh.indices() {
-            let corners = corners.map(|i| &self.corners[i as usize]);
+            let [a, b, c] = corners.map(|i| i as usize);
+            let corners = [&self.corners[a], &self.corners[b], &self.corners[c]];
             let Some(outline) = Outline::find(corners, size, Culling::Front) else { continue };
             let triangle = outline.triangle();
             triangle.for_spans(1, size[1], size[0], |row, from, to| {
@@ -294,6 +295,10 @@ impl ShadowView<'_> {
     /// The share of the light that arrives at each pixel of a piece, 0 to 1, given depths and cosines to the light.
     #[inline(always)]
     pub(super) fn find_lit(&self, z: &Lane, cos: &Lane, columns: &Lane, row: f32, lit: &mut Lane) {
+        if cos.iter().all(|cos| *cos <= 0.0) {
+            // What turns away from the light is dark anyway.
+            return;
+        }
         let (mut offsets, mut limits) = ([0_u32; PIECE], [0.0; PIECE]);
         let (mut right, mut low) = ([0.0; PIECE], [0.0; PIECE]);
         let place = |axis: usize, i: usize| {

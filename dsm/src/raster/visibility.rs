@@ -45,7 +45,7 @@ impl Band<'_> {
                 let value = triangle.limit(start + column as i32 as f32 * step);
                 let nearer = value > *nearest;
                 *nearest = if nearer { value } else { *nearest };
-                *seen = if nearer { drawn } else { *seen };
+                *seen = seen.replaced_if(nearer, drawn);
             }
         });
     }

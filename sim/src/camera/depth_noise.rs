@@ -54,10 +54,11 @@ impl<'a> DepthNoise<'a> {
         }
     }
 
-    /// The measured depth of a row; `bits` holds random bits for each pixel, of which the lowest 24 are used. Inlined
-    /// into each set of instructions that the caller picks from; the arithmetic is the same in all of them.
+    /// The measured depth of a row; `bits` holds random bits for each pixel, of which the lowest 24 are used, `places` and
+    /// `noise` are room for as many numbers. Inlined into each set of instructions that the caller picks from; the
+    /// arithmetic is the same in all of them.
     #[inline(always)]
-    pub(super) fn measure_row(&self, row: usize, bits: &[u32], out: &mut [f32]) {
+    pub(super) fn measure_row(&self, row: usize, bits: &[u32], places: &mut [u32], noise: &mut [f32], out: &mut [f32]) {
         let (line, width) = (row * self.width, self.width);
         // 1. Where the surface returns light: 1, else 0.
         let here = &self.inverse_m[line..line + width];
@@ -87,34 +88,39 @@ impl<'a> DepthNoise<'a> {
             }
             out[width - 1] = at(width - 1, width - 2, width - 1);
         }
-        // 2. What is read there: the jitter of both axes shares 12 bits: the columns take the low, the rows the high half.
-        for (column, (out, &bits)) in out.iter_mut().zip(bits).enumerate() {
-            if *out > 0.0 {
-                *out = self.depth_m[self.jittered(line, row, column, bits >> 12)];
-            }
+        // 2. What is read there, at the pixel or at a neighbour. The random bits fall evenly: comparing spares a branch.
+        self.jitter(row, bits, places);
+        for (out, &place) in out.iter_mut().zip(&*places) {
+            let read = self.depth_m[place as usize];
+            *out = if *out > 0.0 { read } else { 0.0 };
         }
         // 3. Its disparity, noisy and in steps.
         let p = self.parameters;
         let (disparity, sigma, farthest_m) = (p.disparity_of_1_m, p.disparity_sigma, p.max_range_m);
-        for (out, &bits) in out.iter_mut().zip(bits) {
-            *out = quantise(*out, self.normal.get(bits), disparity, sigma, farthest_m);
+        for (noise, &bits) in noise.iter_mut().zip(bits) {
+            *noise = self.normal.get(bits);
+        }
+        for (out, &noise) in out.iter_mut().zip(&*noise) {
+            *out = quantise(*out, noise, disparity, sigma, farthest_m);
         }
     }
 
+    /// The pixel at which the depth of each pixel of a row is read: most often itself, else one of its neighbours.
     #[inline(always)]
-    fn jittered(&self, line: usize, row: usize, column: usize, bits: u32) -> usize {
-        let direction = |bits: u32| {
-            let bits = bits & 4095;
-            i32::from(bits < self.jitter_share) - i32::from(bits >= 4096 - self.jitter_share)
-        };
-        // The rows use the same bits in another order: multiplying by an odd number permutes them.
-        let (dx, dy) = (direction(bits), direction(bits.wrapping_mul(2_654_435_761) >> 20));
-        if dx == 0 && dy == 0 {
-            return line + column;
+    fn jitter(&self, row: usize, bits: &[u32], places: &mut [u32]) {
+        let (share, width) = (self.jitter_share, self.width as i32);
+        let direction = |bits: u32| i32::from(bits < share) - i32::from(bits >= 4096 - share);
+        let (line, last) = ((row * self.width) as i32, width - 1);
+        // At the border of the image there is no neighbour on one side.
+        let (up, down) = (-i32::from(row > 0), i32::from(row + 1 < self.height));
+        for (column, (place, &bits)) in places.iter_mut().zip(bits).enumerate() {
+            // Both axes share 12 bits: the rows use the same bits in another order, for multiplying by an odd number
+            // permutes them.
+            let bits = bits >> 12;
+            let (dx, dy) = (direction(bits & 4095), direction(bits.wrapping_mul(2_654_435_761) >> 20));
+            let column = (column as i32 + dx).max(0).min(last);
+            *place = (line + dy.max(up).min(down) * width + column) as u32;
         }
-        let column = (column as i32 + dx).clamp(0, self.width as i32 - 1) as usize;
-        let row = (row as i32 + dy).clamp(0, self.height as i32 - 1) as usize;
-        row * self.width + column
     }
 }
 
@@ -148,10 +154,10 @@ impl Grazing {
 #[inline(always)]
 fn quantise(z: f32, noise: f32, disparity_of_1_m: f32, sigma: f32, max_range_m: f32) -> f32 {
     // Without a return z is 0 and the quotient infinite: the last lines drop it.
-    let steps = ((disparity_of_1_m / z + sigma * noise) * 8.0 + 0.5) as i32;
-    let measured = disparity_of_1_m * 8.0 / steps as f32;
+    let steps = ((disparity_of_1_m / z + sigma * noise) * 8.0 + 0.5).floor();
+    let measured = disparity_of_1_m * 8.0 / steps;
     let measured = if measured <= max_range_m { measured } else { 0.0 };
-    let measured = if steps >= 1 { measured } else { 0.0 };
+    let measured = if steps >= 1.0 { measured } else { 0.0 };
     if z > 0.0 { measured } else { 0.0 }
 }
 

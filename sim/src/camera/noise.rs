@@ -168,13 +168,13 @@ impl SensorModel {
         let depth = DepthNoise::new(&noise.parameters, &noise.normal, model, &image.depth_m);
         let curves = ColorCurves::draw(&noise.parameters, key);
         (sensed.color.par_chunks_mut(width).zip(sensed.depth_m.par_chunks_mut(width))).enumerate().for_each_init(
-            || (vec![0_u8; 8 * width], vec![0_u32; width]),
-            |(bytes, bits), (row, (color, depth_m))| {
+            || (vec![0_u8; 8 * width], vec![0_u32; width], vec![0_u32; width], vec![0.0_f32; 3 * width]),
+            |(bytes, bits, places, normals), (row, (color, depth_m))| {
                 // Part 0 belongs to the frame as a whole.
                 key.rng(row as u64 + 1).fill_bytes(bytes);
                 let (for_depth, for_color) = bytes.split_at(4 * width);
                 let (depth, curves, normal) = (&depth, &curves, &noise.coarse_normal);
-                let random = RowBits { for_depth, for_color, words: bits };
+                let random = RowBits { for_depth, for_color, words: bits, places, normals };
                 noise.arch.dispatch(RowWork { depth, curves, normal, row, random, color, depth_m });
             },
         );
@@ -182,11 +182,15 @@ impl SensorModel {
     }
 }
 
-/// Random bytes of a row, and room for their words.
+/// Random bytes of a row, and room for what is made of them.
 struct RowBits<'a> {
     for_depth: &'a [u8],
     for_color: &'a [u8],
     words: &'a mut [u32],
+    /// Pixels at which depth is read.
+    places: &'a mut [u32],
+    /// Normally distributed numbers, one for each channel of each pixel.
+    normals: &'a mut [f32],
 }
 
 /// One row of depth and colour.
@@ -205,11 +209,14 @@ impl NullaryFnOnce for RowWork<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let RowBits { for_depth, for_color, words } = self.random;
+        let RowBits { for_depth, for_color, words, places, normals } = self.random;
         read_words(for_depth, words);
-        self.depth.measure_row(self.row, words, self.depth_m);
+        self.depth.measure_row(self.row, words, places, &mut normals[..self.depth_m.len()], self.depth_m);
         read_words(for_color, words);
-        self.curves.spoil_row(self.normal, words, self.color);
+        for (normals, bits) in normals.as_chunks_mut::<3>().0.iter_mut().zip(words) {
+            *normals = [0, 10, 20].map(|shift| self.normal.get(*bits >> shift));
+        }
+        self.curves.spoil_row(normals, self.color.as_flattened_mut());
     }
 }
 
@@ -221,11 +228,16 @@ fn read_words(bytes: &[u8], words: &mut [u32]) {
     }
 }
 
-/// For each value of each channel: what exposure and white balance make of it, and the deviation of its noise.
+/// What exposure and white balance make of each channel, and the deviation of its noise in the dark and added in full
+/// light.
 struct ColorCurves {
-    mean: [[f32; 256]; 3],
-    sigma: [f32; 256],
+    gains: [f32; 3],
+    sigma: f32,
+    sigma_bright: f32,
 }
+
+/// Channels that are spoilt together: a whole number of pixels and of vectors.
+const PIECE: usize = 96;
 
 impl ColorCurves {
     fn draw(parameters: &NoiseParameters, key: NoiseKey) -> Self {
@@ -238,23 +250,23 @@ impl ColorCurves {
             exposure * within(parameters.white_balance_max),
         ];
         // A gain of linear light is a gain of about its 2.2th root in sRGB.
-        let mean = gains.map(|gain| {
-            let gain = gain.powf(1.0 / 2.2);
-            std::array::from_fn(|value| value as f32 * gain)
-        });
-        let sigma =
-            |value: usize| parameters.color_sigma + parameters.color_sigma_bright * (value as f32 / 255.0).sqrt();
-        Self { mean, sigma: std::array::from_fn(sigma) }
+        let gains = gains.map(|gain| gain.powf(1.0 / 2.2));
+        Self { gains, sigma: parameters.color_sigma, sigma_bright: parameters.color_sigma_bright }
     }
 
+    /// Spoils the channels of a row, with one normally distributed number for each.
     #[inline(always)]
-    fn spoil_row(&self, normal: &NormalTable<1024>, bits: &[u32], color: &mut [[u8; 3]]) {
-        for (pixel, &bits) in color.iter_mut().zip(bits) {
-            for (channel, value) in pixel.iter_mut().enumerate() {
-                let noise = normal.get(bits >> (10 * channel));
-                let sensed = self.mean[channel][*value as usize] + self.sigma[*value as usize] * noise;
-                // Casting to u8 stops at 0 and at 255.
-                *value = (sensed + 0.5) as u8;
+    fn spoil_row(&self, normals: &[f32], channels: &mut [u8]) {
+        let gains: [f32; PIECE] = std::array::from_fn(|i| self.gains[i % 3]);
+        for (channels, normals) in channels.chunks_mut(PIECE).zip(normals.chunks(PIECE)) {
+            for ((channel, normal), gain) in channels.iter_mut().zip(normals).zip(&gains) {
+                let value = f32::from(*channel);
+                let sigma = self.sigma + self.sigma_bright * (value / 255.0).sqrt();
+                let sensed = value * gain + sigma * normal + 0.5;
+                let sensed = if sensed > 0.0 { sensed } else { 0.0 };
+                let sensed = if sensed < 255.0 { sensed } else { 255.0 };
+                // The lowest bits of the sum are the whole number; casting takes several instructions more.
+                *channel = (sensed.floor() + 8_388_608.0).to_bits() as u8;
             }
         }
     }

@@ -59,6 +59,8 @@ struct Row {
     unit: &'static str,
     /// Number of measurements.
     count: usize,
+    /// Simulated seconds that pass in a second of this stage alone; the loop needs all stages.
+    real_time_factor: Option<f64>,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -85,15 +87,22 @@ impl Watch {
         result
     }
 
-    fn mean_ms(&self, what: &'static str) -> Row {
-        Row { what, value: 1e3 * self.total_s / self.count.max(1) as f64, unit: "ms", count: self.count }
+    /// Mean wall time of something that is done once in `sim_s` simulated seconds, or whenever somebody asks.
+    fn mean_ms(&self, what: &'static str, sim_s: Option<f64>) -> Row {
+        let mean_s = self.total_s / self.count.max(1) as f64;
+        let real_time_factor = sim_s.map(|sim_s| sim_s / mean_s.max(1e-9));
+        Row { what, value: 1e3 * mean_s, unit: "ms", count: self.count, real_time_factor }
     }
 
-    fn rate(&self, what: &'static str, unit: &'static str, each: f64) -> Row {
-        let value = each * self.count as f64 / self.total_s.max(1e-9);
-        Row { what, value, unit, count: self.count }
+    /// How often something is done in a second; each time stands for `sim_s` simulated seconds.
+    fn rate(&self, what: &'static str, unit: &'static str, sim_s: f64) -> Row {
+        let value = self.count as f64 / self.total_s.max(1e-9);
+        Row { what, value, unit, count: self.count, real_time_factor: Some(value * sim_s) }
     }
 }
+
+/// The head camera takes a frame every so many simulated seconds.
+const FRAME_PERIOD_S: f64 = 0.2;
 
 /// Measures and prints the table.
 pub(super) fn run(args: BenchArgs) -> anyhow::Result<u8> {
@@ -137,7 +146,7 @@ fn measure_raster(spec: &RunSpec, rows: &mut Vec<Row>) -> anyhow::Result<(usize,
             watch.time(|| rig.render_into(&poses, &[], &camera, &pose, &mut image));
         }
     }
-    rows.push(watch.rate("rendering 640x480 colour, depth, labels", "frames/s", 1.0));
+    rows.push(watch.rate("rendering 640x480 colour, depth, labels", "frames/s", FRAME_PERIOD_S));
     Ok((scene.bodies.len(), rig.triangle_count()))
 }
 
@@ -170,11 +179,13 @@ fn measure_parts(spec: &RunSpec, rows: &mut Vec<Row>) -> anyhow::Result<Map> {
             map.apply(update);
         });
     }
-    let steps_per_period = PERIOD.0 as f64 / dsm_sim::physics::PhysicsConfig::default().step.0 as f64;
-    rows.push(steps.rate("physics with the whole scene", "steps/s", steps_per_period));
-    rows.push(frames.mean_ms("camera frame with sensor noise"));
-    rows.push(detecting.mean_ms("simulated detector, a frame"));
-    rows.push(mapping.mean_ms("mapping, a frame"));
+    // A control period is several steps.
+    let step = dsm_sim::physics::PhysicsConfig::default().step;
+    steps.count *= (PERIOD.0 / step.0).max(1) as usize;
+    rows.push(steps.rate("physics with the whole scene", "steps/s", step.as_s()));
+    rows.push(frames.mean_ms("camera frame with sensor noise", Some(FRAME_PERIOD_S)));
+    rows.push(detecting.mean_ms("simulated detector, a frame", Some(FRAME_PERIOD_S)));
+    rows.push(mapping.mean_ms("mapping, a frame", Some(FRAME_PERIOD_S)));
     Ok(map)
 }
 
@@ -185,7 +196,7 @@ fn measure_grounding(map: &Map, words: &str, rows: &mut Vec<Row>) -> Result<(), 
     for _ in 0..TIMES {
         watch.time(|| grounder.ground(map, words, None));
     }
-    rows.push(watch.mean_ms("grounding a sentence"));
+    rows.push(watch.mean_ms("grounding a sentence", None));
     Ok(())
 }
 
@@ -193,7 +204,14 @@ fn measure_grounding(map: &Map, words: &str, rows: &mut Vec<Row>) -> Result<(), 
 fn measure_episode(spec: &RunSpec, rows: &mut Vec<Row>) -> Result<(), TaskError> {
     let mut watch = Watch::default();
     let finished = watch.time(|| run_episode(spec, None, Arc::new(AtomicBool::new(false)), Box::new(Silent)))?;
-    rows.push(watch.rate("episode, exploring, loading included", "x real time", finished.summary.metrics.sim_time_s));
+    let factor = finished.summary.metrics.sim_time_s / watch.total_s.max(1e-9);
+    rows.push(Row {
+        what: "episode, exploring, loading included",
+        value: watch.total_s,
+        unit: "s",
+        count: 1,
+        real_time_factor: Some(factor),
+    });
     Ok(())
 }
 
@@ -207,8 +225,10 @@ fn describe(table: &Table, spec: &RunSpec) -> String {
         table.threads,
         spec.time_limit_s
     );
+    text += &format!("  {:<42} {:>10} {:<9} {:>11}  {:>6}\n", "", "", "", "x real time", "n");
     for row in &table.rows {
-        text += &format!("  {:<42} {:>10.1} {:<12} n = {}\n", row.what, row.value, row.unit, row.count);
+        let factor = row.real_time_factor.map_or_else(|| "-".to_owned(), |factor| format!("{factor:.1}"));
+        text += &format!("  {:<42} {:>10.1} {:<9} {factor:>11}  {:>6}\n", row.what, row.value, row.unit, row.count);
     }
     text
 }

@@ -130,8 +130,10 @@ fn answer(request: Request, latest: &Latest) {
         Method::Get | Method::Head => page(&path, latest),
         _ => (405, TEXT, b"only GET and HEAD\n".to_vec()),
     };
-    let response = Response::new(code.into(), headers(kind), Cursor::new(body.clone()), Some(body.len()), None);
-    let _ = request.respond(response);
+    let length = body.len();
+    let response = Response::new(code.into(), headers(kind), Cursor::new(body), Some(length), None);
+    // With its length and not in chunks: a picture is there as a whole.
+    let _ = request.respond(response.with_chunked_threshold(usize::MAX));
 }
 
 const TEXT: &str = "text/plain; charset=utf-8";
