@@ -138,7 +138,8 @@ impl<'a> Scene<'a> {
         if floor.cells.is_empty() {
             return None;
         }
-        let [low, high] = [-REACH_M, REACH_M].map(|reach| floor.cell_at(&Point2::new(place.x + reach, place.y + reach)));
+        let [low, high] =
+            [-REACH_M, REACH_M].map(|reach| floor.cell_at(&Point2::new(place.x + reach, place.y + reach)));
         let cells = (low[1]..=high[1]).flat_map(|y| (low[0]..=high[0]).map(move |x| [x, y]));
         let free = cells.filter(|cell| floor.state(*cell) == CellState::Free).map(|cell| floor.center_of(cell) - place);
         let (mut sum, mut count) = (Vector2::zeros(), 0_usize);
