@@ -1,9 +1,11 @@
 //! Truth, as an evaluator sees it, and what a map is worth against it. Nothing in the map or in grounding reads this.
 
 mod attributes;
+mod expressions;
 mod faults;
 mod matching;
 mod nearest;
+mod referring;
 mod relations;
 mod rooms;
 mod scene;
@@ -11,7 +13,9 @@ mod score;
 mod segmentation;
 mod statistics;
 
+pub use expressions::{Expression, Meant, make_expressions};
 pub use matching::{Matching, Verdict, match_objects};
+pub use referring::{Answered, GroundingReport, answer_expressions, pool_answers};
 pub use scene::{SurfacePoint, TrueAttributes, TrueScene, TrueThing};
 pub use score::{MapScore, score_map};
 pub use segmentation::describe;

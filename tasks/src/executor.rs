@@ -148,7 +148,7 @@ impl Executor {
         let outcome = match (command.action, grounding.object_id, grounding.room_id) {
             (Action::Grasp, Some(id), _) => return self.grasp(agent, command, grounding, id),
             (Action::Grasp, None, _) => Outcome::Failed(Stage::Grounding, "a room cannot be grasped".into()),
-            (Action::Navigate, Some(id), _) => navigate_to_object(agent, &self.nav, id)?,
+            (Action::Navigate, Some(id), _) => navigate_to_object(agent, &self.nav, id, command.region)?,
             (Action::Navigate, None, Some(room)) => navigate_to_room(agent, &self.nav, room)?,
             _ => Outcome::Done("found".into()),
         };
@@ -194,7 +194,7 @@ impl Executor {
     ) -> Result<Done, Halt> {
         let mut outcome = self.grasp_and_weigh(agent, id)?;
         if matches!(outcome, Outcome::Failed(Stage::Planning, _))
-            && matches!(navigate_to_object(agent, &self.nav, id)?, Outcome::Done(_))
+            && matches!(navigate_to_object(agent, &self.nav, id, None)?, Outcome::Done(_))
         {
             // From near, the floor before it and what stands around it are known better.
             outcome = self.grasp_and_weigh(agent, id)?;
@@ -227,6 +227,9 @@ impl Executor {
 
     /// Finds the object and the place, grasps the one and puts it on the other.
     fn fetch_and_place(&mut self, agent: &mut Agent, command: &Command) -> Result<Done, Halt> {
+        if let Some(reason) = beyond_placing(command) {
+            return Ok(failed(PLACE, Stage::Planning, reason, None));
+        }
         let start = Pose2::from_pose(&agent.world_from_base()?);
         // Both are found before the hand is full.
         let destination = match &command.destination {
@@ -287,6 +290,17 @@ impl Executor {
             self.held = None;
         }
         Ok(outcome)
+    }
+}
+
+/// Why a command asks for more than the skill of placing can do; nothing is moved then.
+fn beyond_placing(command: &Command) -> Option<String> {
+    match command.region {
+        _ if command.back => Some("where a thing was taken from is not kept; name the surface to put it on".into()),
+        Some(region) => {
+            Some(format!("things are put on surfaces, not yet {} a thing; name the surface", region.phrase()))
+        }
+        None => None,
     }
 }
 

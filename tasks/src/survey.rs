@@ -13,7 +13,7 @@ use crate::run::{CELL_M, RunSpec};
 use crate::session::nav_config;
 use crate::skills::explore::{Explorer, Interest};
 use dsm::build::{BuildConfig, Carrier, MapBuilder};
-use dsm::eval::{MapScore, score_map};
+use dsm::eval::{MapScore, TrueScene, score_map};
 use dsm::geometry::OrientedBox;
 use dsm::map::Map;
 use dsm::time::Stamp;
@@ -97,6 +97,18 @@ impl Mapping<'_> {
 /// Maps the frames of a drive under every condition and scores the maps, in the order of the conditions.
 pub fn score_drive(spec: &RunSpec, moments: &[Moment], conditions: &[Condition]) -> Result<Vec<MapScore>, TaskError> {
     let knowledge = knowledge()?;
+    let (maps, truth) = map_drive(spec, moments, conditions)?;
+    let pairs: Vec<(Map, &Condition)> = maps.into_iter().zip(conditions).collect();
+    Ok(pairs.par_iter().map(|(map, condition)| score_map(map, &truth, &condition.build, &knowledge)).collect())
+}
+
+/// Maps the frames of a drive under every condition, in their order; with the truth, which is only for judging.
+pub fn map_drive(
+    spec: &RunSpec,
+    moments: &[Moment],
+    conditions: &[Condition],
+) -> Result<(Vec<Map>, TrueScene), TaskError> {
+    let knowledge = knowledge()?;
     let mut replay = replay(spec)?;
     let radius_m = replay.robot().settings.base.footprint_radius_m;
     let mut mappings: Vec<Mapping<'_>> = conditions
@@ -116,6 +128,5 @@ pub fn score_drive(spec: &RunSpec, moments: &[Moment], conditions: &[Condition])
         let map = || mappings.par_iter_mut().for_each(|mapping| mapping.observe(&shown, &wander, radius_m));
         next = rayon::join(|| moments.get(index + 1).map(|later| replay.show(later)), map).0;
     }
-    let truth = replay.finish();
-    Ok(mappings.par_iter().map(|m| score_map(&m.map, &truth, &m.condition.build, &knowledge)).collect())
+    Ok((mappings.into_iter().map(|mapping| mapping.map).collect(), replay.finish()))
 }

@@ -5,29 +5,28 @@
 //! anchor score over all anchors. Nothing is cut off hard; a violated constraint leaves a small factor.
 
 use super::answer::ReferenceFrame;
+use super::bounds::{is_structure, structure_scores};
 use super::config::GroundConfig;
+use super::constraint::{kind_of_attribute, kind_of_order, kind_of_relation};
 use super::likeness::{self, Reading};
-use super::query::{AttributeWord, Entity, Noun, Order, RelationTerm, RelationWord};
+use super::query::{Entity, Noun, RelationTerm, RelationWord};
 use super::referring::{Kind, MENTIONED_FIT, Mention};
 use super::relate;
 use super::retrieve;
 use super::rooms;
-use super::scene::Scene;
+use super::scene::{Scene, View};
 use super::select;
 use crate::knowledge::Knowledge;
+use std::collections::BTreeMap;
 
 /// Anchors that are tried per relation, best first. 500 objects with a wildcard anchor would need 250 000 pairs.
 const MAX_ANCHORS: usize = 48;
 /// Anchors tried on each side of "between".
-const MAX_BETWEEN: usize = 16;
+const MAX_BETWEEN: usize = 12;
 /// Candidates that score below this share of the best take no part in comparisons ("closest", "largest").
 const COMPARED_SHARE: f32 = 0.6;
 /// Distance over which "far from" falls to 1/e short of the farthest candidate, metres.
 const FAR_M: f64 = 3.0;
-/// Distance over which "at the wall" falls to 1/e, metres.
-const WALL_M: f64 = 0.5;
-/// Categories that bound the map without being objects of it.
-const BOUNDS: [&str; 3] = ["wall", "floor", "ceiling"];
 
 /// One constraint of the query and how well each object meets it.
 pub(super) struct Factor {
@@ -142,62 +141,6 @@ fn is_anchor(entity: &Entity, phrase: &str) -> bool {
     anchors.any(|anchor| named(anchor) || is_anchor(anchor, phrase))
 }
 
-fn kind_of_attribute(word: AttributeWord, negated: bool) -> Kind {
-    match word {
-        _ if negated => Kind::Negated,
-        AttributeWord::Color => Kind::Color,
-        AttributeWord::Material => Kind::Material,
-        AttributeWord::Size => Kind::Size,
-        AttributeWord::Shape => Kind::Shape,
-        AttributeWord::Pattern => Kind::Pattern,
-        AttributeWord::Weight => Kind::Weight,
-        AttributeWord::Purpose => Kind::Purpose,
-    }
-}
-
-fn kind_of_order(scene: &Scene<'_>, order: Order) -> Kind {
-    match order {
-        Order::Nearest => Kind::Nearest,
-        Order::Farthest => Kind::Farther,
-        Order::Largest | Order::Smallest => Kind::Extreme,
-        Order::Tallest | Order::Shortest | Order::Longest => Kind::Length,
-        Order::Highest | Order::Lowest => Kind::Height,
-        Order::Leftmost | Order::Rightmost if scene.is_told() => Kind::RowTold,
-        Order::Leftmost | Order::Rightmost => Kind::RowCenter,
-        Order::Middle => Kind::Middle,
-        Order::Central => Kind::Central,
-        Order::Corner => Kind::Corner,
-    }
-}
-
-/// The kind of a relation; `anchor` is the likeliest anchor.
-fn kind_of_relation(scene: &Scene<'_>, term: &RelationTerm, anchor: Option<usize>) -> Kind {
-    let front = anchor.is_some_and(|anchor| scene.fronts.contains_key(&scene.items[anchor].object.id));
-    let frame = |told, front_known, center| match (scene.is_told(), front) {
-        (true, _) => told,
-        (false, true) => front_known,
-        (false, false) => center,
-    };
-    match term.word {
-        _ if term.negated => Kind::Negated,
-        RelationWord::On => Kind::On,
-        RelationWord::In => Kind::In,
-        RelationWord::Under => Kind::Under,
-        RelationWord::Above => Kind::Above,
-        RelationWord::Below => Kind::Below,
-        RelationWord::NextTo => Kind::NextTo,
-        RelationWord::Near => Kind::Near,
-        RelationWord::Far => Kind::Far,
-        RelationWord::Against => Kind::Against,
-        RelationWord::With => Kind::With,
-        RelationWord::LeftOf | RelationWord::RightOf => frame(Kind::SideTold, Kind::SideFront, Kind::SideCenter),
-        RelationWord::InFrontOf | RelationWord::Behind => frame(Kind::DepthTold, Kind::DepthFront, Kind::DepthCenter),
-        RelationWord::Between => Kind::Between,
-        RelationWord::Closest => Kind::Closest,
-        RelationWord::Farthest => Kind::Farthest,
-    }
-}
-
 fn noun_phrase(noun: &Noun) -> &str {
     match noun {
         Noun::Thing(name) | Noun::Room(name) => name,
@@ -284,9 +227,16 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
                 push_readings(context, term, &anchors, result);
             }
         }
-        let holds = |target, anchor| match context.config.presume_present {
-            true => likeness::raw_score(scene, term.word, target, anchor),
-            false => relate::relation_score(scene, term.word, target, anchor),
+        // Where one stands to see an anchor takes long to find and is the same for all targets.
+        let looks = term.word.needs_viewer() && !context.config.presume_present;
+        let view = |(anchor, _): &(usize, f32)| (*anchor, scene.view_to(scene.items[*anchor].bounds.center().xy()));
+        let views: BTreeMap<usize, View> = if looks { anchors.iter().map(view).collect() } else { BTreeMap::new() };
+        let holds = |target: usize, anchor: usize| match (context.config.presume_present, views.get(&anchor)) {
+            (true, _) => likeness::raw_score(scene, term.word, target, anchor),
+            (false, Some(view)) => {
+                relate::side_score(view, term.word, &scene.items[target].bounds, &scene.items[anchor].bounds) as f32
+            }
+            (false, None) => relate::relation_score(scene, term.word, target, anchor),
         };
         best_anchors(&result.total, |target| best_anchor(&anchors, target, holds))
     };
@@ -326,44 +276,6 @@ fn push_readings(context: Context<'_, '_>, term: &RelationTerm, anchors: &[(usiz
     }
 }
 
-/// Walls, floors and ceilings bound the map but are no objects of it.
-fn is_structure(context: Context<'_, '_>, entity: &Entity) -> bool {
-    let bounds = |name: &str| context.knowledge.find(name).is_some_and(|c| BOUNDS.contains(&c.name.as_str()));
-    matches!(&entity.noun, Noun::Thing(name) if bounds(name))
-}
-
-/// "on the floor" asks for a low lower end (world z = 0 is the floor); walls and ceilings are judged only where the thing
-/// that is meant is known to be there: by the sides and the top of all that is known.
-fn structure_scores(context: Context<'_, '_>, term: &RelationTerm) -> Vec<f32> {
-    let bound = |name: &str| context.knowledge.find(name).map_or("", |category| category.name.as_str());
-    let bound = match &term.anchors[0].noun {
-        Noun::Thing(name) => bound(name),
-        _ => "",
-    };
-    let close = matches!(
-        term.word,
-        RelationWord::On | RelationWord::Near | RelationWord::Against | RelationWord::NextTo | RelationWord::In
-    );
-    let extent = context.scene.extent;
-    let wall_gap_m = |item: &super::scene::Item<'_>| {
-        let (low, high) = (item.bounds.min - extent.min, extent.max - item.bounds.max);
-        low.x.min(low.y).min(high.x).min(high.y).max(0.0)
-    };
-    let score = |item: &super::scene::Item<'_>| match bound {
-        "floor" if close => {
-            let gap_m = (item.bounds.min.z - 0.12).max(0.0);
-            (1.0 - gap_m / 0.2).clamp(0.0, 1.0) as f32
-        }
-        "wall" if close && context.config.presume_present => (-wall_gap_m(item) / WALL_M).exp() as f32,
-        "ceiling" if close && context.config.presume_present => {
-            (-(extent.max.z - item.bounds.max.z).max(0.0) / WALL_M).exp() as f32
-        }
-        _ if term.negated => 0.3,
-        _ => 0.7,
-    };
-    context.scene.items.iter().map(score).collect()
-}
-
 /// For each target that still counts, the best anchor and its score.
 fn best_anchors(total: &[f32], best_of: impl Fn(usize) -> (f32, Option<usize>)) -> (Vec<f32>, Vec<Option<usize>>) {
     let best = |target: usize| if total[target] < 1e-4 { (0.0, None) } else { best_of(target) };
@@ -387,19 +299,33 @@ fn between_scores(
         let missing = if context.config.presume_present { 1.0 } else { missing_anchor_score(context, entity) };
         return (vec![missing; count], vec![None; count]);
     }
-    let lies = if context.config.presume_present { likeness::between_score } else { relate::between };
+    let scene = context.scene;
+    // Best first, so that the search for a target ends where no further pair can win.
+    let mut pairs: Vec<(usize, usize, f32)> = first
+        .iter()
+        .flat_map(|a| second.iter().map(move |b| (a.0, b.0, a.1 * b.1)))
+        .filter(|(a, b, _)| a != b)
+        .collect();
+    pairs.sort_by(|a, b| b.2.total_cmp(&a.2));
+    let spans: Vec<Option<relate::Span>> = match context.config.presume_present {
+        true => Vec::new(),
+        false => pairs.iter().map(|(a, b, _)| relate::Span::new(scene, *a, *b)).collect(),
+    };
     best_anchors(&result.total, |target| {
         let mut best = (0.0, None);
-        for a in first.iter().filter(|a| a.0 != target) {
-            for b in second.iter().filter(|b| b.0 != target && b.0 != a.0) {
-                // Sorted by weight: no further one can win.
-                if a.1 * b.1 <= best.0 {
-                    break;
-                }
-                let score = a.1 * b.1 * lies(context.scene, target, a.0, b.0);
-                if score > best.0 {
-                    best = (score, Some(a.0));
-                }
+        for (i, (a, b, weight)) in pairs.iter().enumerate() {
+            if *weight <= best.0 {
+                break;
+            }
+            if *a == target || *b == target {
+                continue;
+            }
+            let lies = match spans.get(i) {
+                Some(span) => span.as_ref().map_or(0.0, |span| span.holds(&scene.items[target].bounds)),
+                None => likeness::between_score(scene, target, *a, *b),
+            };
+            if weight * lies > best.0 {
+                best = (weight * lies, Some(*a));
             }
         }
         best

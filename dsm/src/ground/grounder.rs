@@ -222,10 +222,13 @@ impl Grounder {
 
     fn verify(&self, scene: &Scene<'_>, query: &Query, choices: &mut [Choice]) {
         let mut renderer = Renderer::default();
-        for choice in choices.iter_mut().take(self.config.top_k) {
+        let levels = self.verifier.levels();
+        let best = choices.first().map_or(0.0, |choice| choice.score);
+        let in_reach = |score: f32| score >= self.verifier.least_factor() * best;
+        for choice in choices.iter_mut().take(self.config.top_k).filter(|choice| in_reach(choice.score)) {
             let candidate = scene.items[choice.index].object;
             let anchors = choice.anchors.iter().map(|&anchor| scene.items[anchor].object).collect::<Vec<_>>();
-            let verdict = match CandidateViews::render(scene.map, candidate, &anchors, &mut renderer) {
+            let verdict = match CandidateViews::render_levels(scene.map, candidate, &anchors, levels, &mut renderer) {
                 Some(views) => self.verifier.verify(Evidence { query, candidate, anchors: &anchors, views: &views }),
                 None => Verdict { factor: 1.0, reason: "in views: the map has no points of it".to_owned() },
             };

@@ -22,11 +22,13 @@
 //! ```
 
 mod answer;
+mod bounds;
 mod clauses;
 mod color;
 mod command;
 mod command_words;
 mod config;
+mod constraint;
 mod decide;
 mod filter;
 mod grounder;
@@ -59,4 +61,4 @@ pub use query::{
 };
 pub use referring::RankingWeights;
 pub use verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
-pub use views::CandidateViews;
+pub use views::{CandidateViews, Levels};

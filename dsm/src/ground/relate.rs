@@ -4,10 +4,10 @@
 //! [`crate::map::RelationKind`] but fall off softly, because map boxes are noisy.
 
 use super::query::RelationWord;
-use super::scene::Scene;
+use super::scene::{Scene, View};
 use crate::geometry::Aabb;
 use crate::map::RelationKind;
-use nalgebra::Point3;
+use nalgebra::{Point2, Vector2};
 
 /// 1 up to `full`, 0 from `none` on, linear between.
 fn falling(value: f64, full: f64, none: f64) -> f64 {
@@ -87,9 +87,10 @@ fn beside(a: &Aabb, b: &Aabb, full_m: f64, none_m: f64) -> f64 {
     gap * level * (1.0 - 0.7 * stacked)
 }
 
-/// How well `word` holds between item `target` and item `anchor`; for `between` see [`between`].
+/// How well `word` holds between item `target` and item `anchor`; for `between` see [`Span`].
 pub(super) fn relation_score(scene: &Scene<'_>, word: RelationWord, target: usize, anchor: usize) -> f32 {
     let (a, b) = (&scene.items[target].bounds, &scene.items[anchor].bounds);
+    let distance_m = || box_distance_m(a, b);
     let stored = |kind| f64::from(scene.stored(target, anchor, kind));
     let stored_back = |kind| f64::from(scene.stored(anchor, target, kind));
     // "on the shelf" is also said of what stands on a board inside it, "in the shelf" of what stands on it.
@@ -116,12 +117,11 @@ pub(super) fn relation_score(scene: &Scene<'_>, word: RelationWord, target: usiz
         RelationWord::Above => stored(RelationKind::Above).max(above(a, b) * (1.0 - 0.4 * rests_on(a, b))),
         RelationWord::Below => stored(RelationKind::Below).max(above(b, a)).max(under()),
         RelationWord::NextTo => {
-            (0.9 * stored(RelationKind::NextTo)).max(beside(a, b, 0.2, 1.0)).max(CLEARLY_NOT)
-                * fading(box_distance_m(a, b))
+            (0.9 * stored(RelationKind::NextTo)).max(beside(a, b, 0.2, 1.0)).max(CLEARLY_NOT) * fading(distance_m())
         }
         RelationWord::Near | RelationWord::Closest => {
-            (0.8 * stored(RelationKind::Near)).max(falling(box_distance_m(a, b), 0.3, 2.5))
-                * fading(box_distance_m(a, b))
+            let distance_m = distance_m();
+            (0.8 * stored(RelationKind::Near)).max(falling(distance_m, 0.3, 2.5)) * fading(distance_m)
         }
         RelationWord::Far | RelationWord::Farthest => {
             (1.0 - falling(box_distance_m(a, b), 1.0, 4.0)).max(CLEARLY_NOT)
@@ -135,7 +135,7 @@ pub(super) fn relation_score(scene: &Scene<'_>, word: RelationWord, target: usiz
             carried.max(part).max(0.9 * beside(a, b, 0.25, 1.0)).max(0.8 * on()).max(0.9 * above(b, a))
         }
         RelationWord::LeftOf | RelationWord::RightOf | RelationWord::InFrontOf | RelationWord::Behind => {
-            directed(scene, word, a, b)
+            side_score(&scene.view_to(b.center().xy()), word, a, b)
         }
         RelationWord::Between => 0.0,
     };
@@ -149,8 +149,7 @@ fn is_open_storage(container: &Aabb, content: &Aabb) -> bool {
 
 /// Left, right, in front, behind for a viewer who faces the anchor: full within 45 degrees of the direction, none from
 /// 80 degrees on, and less the farther away.
-fn directed(scene: &Scene<'_>, word: RelationWord, a: &Aabb, b: &Aabb) -> f64 {
-    let view = scene.view_to(b.center().xy());
+pub(super) fn side_score(view: &View, word: RelationWord, a: &Aabb, b: &Aabb) -> f64 {
     let wanted = match word {
         RelationWord::LeftOf => view.left,
         RelationWord::RightOf => -view.left,
@@ -166,24 +165,41 @@ fn directed(scene: &Scene<'_>, word: RelationWord, a: &Aabb, b: &Aabb) -> f64 {
     direction * (0.5 + 0.5 * falling(box_distance_m(a, b), 0.5, 4.0))
 }
 
-/// How well the target lies between two anchors: near the line that joins their centres, and not beyond their ends.
-pub(super) fn between(scene: &Scene<'_>, target: usize, first: usize, second: usize) -> f32 {
-    let center = |i: usize| -> Point3<f64> { scene.items[i].bounds.center() };
-    let (p, a, b) = (center(target).xy(), center(first).xy(), center(second).xy());
-    let along = b - a;
-    let length = along.norm();
-    if length < 0.05 {
-        return 0.0;
+/// The line between two anchors, along which a target may lie.
+pub(super) struct Span {
+    start: Point2<f64>,
+    along: Vector2<f64>,
+    length: f64,
+    half_width: f64,
+    middle_z_m: f64,
+}
+
+impl Span {
+    /// Between the items; `None` when their centres coincide.
+    pub(super) fn new(scene: &Scene<'_>, first: usize, second: usize) -> Option<Self> {
+        let bounds = |i: usize| &scene.items[i].bounds;
+        let (start, end) = (bounds(first).center().xy(), bounds(second).center().xy());
+        let length = (end - start).norm();
+        let widest = |i: usize| bounds(i).size().xy().max();
+        let half_width = 0.5 * widest(first).max(widest(second));
+        let middle_z_m = 0.5 * (bounds(first).center().z + bounds(second).center().z);
+        (length >= 0.05).then(|| Self { start, along: (end - start) / length, length, half_width, middle_z_m })
     }
-    let t = (p - a).dot(&along) / (length * length);
-    let aside = (p - (a + along * t)).norm();
-    let half_width =
-        0.5 * scene.items[first].bounds.size().xy().max().max(scene.items[second].bounds.size().xy().max());
-    let inside = falling((t - 0.5).abs(), 0.42, 0.55);
-    // People name what stands beside the thing: a bottle is not between things of two rooms.
-    let usual_m = 0.5 + 2.0 * scene.items[target].bounds.size().norm();
-    let close = (-(length - usual_m).max(0.0) / usual_m).exp();
-    let rise = center(target).z - 0.5 * (center(first).z + center(second).z);
-    let level = falling(rise.abs(), 0.3 + 0.5 * scene.items[target].bounds.size().z, 1.5);
-    (close * level * inside * falling(aside, 0.2 * length + 0.5 * half_width, 0.5 * length + half_width)) as f32
+
+    /// How well a thing lies between: near the line that joins the centres, and not beyond their ends.
+    pub(super) fn holds(&self, own: &Aabb) -> f32 {
+        let (center, size) = (own.center(), own.size());
+        let offset = center.xy() - self.start;
+        let inside = falling((offset.dot(&self.along) / self.length - 0.5).abs(), 0.42, 0.55);
+        if inside <= 0.0 {
+            return 0.0;
+        }
+        let aside = offset.perp(&self.along).abs();
+        let falls = falling(aside, 0.2 * self.length + 0.5 * self.half_width, 0.5 * self.length + self.half_width);
+        // People name what stands beside the thing: a bottle is not between things of two rooms.
+        let usual_m = 0.5 + 2.0 * size.norm();
+        let close = (-(self.length - usual_m).max(0.0) / usual_m).exp();
+        let level = falling((center.z - self.middle_z_m).abs(), 0.3 + 0.5 * size.z, 1.5);
+        (close * level * inside * falls) as f32
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::color;
 use super::query::{AttributeWord, Query};
-use super::views::CandidateViews;
+use super::views::{CandidateViews, Levels};
 use crate::knowledge::Knowledge;
 use crate::map::MapObject;
 use std::sync::Arc;
@@ -37,6 +37,17 @@ pub trait Verifier: Send + Sync {
     /// Whether views would tell anything about this query; if not, none are rendered.
     fn wants_views(&self, query: &Query) -> bool;
 
+    /// The views that it looks at. Default: all.
+    fn levels(&self) -> Levels {
+        Levels::All
+    }
+
+    /// The least factor that it ever gives: candidates so far behind that this could not change their place are not
+    /// looked at. Range 0 to 1, default 0.
+    fn least_factor(&self) -> f32 {
+        0.0
+    }
+
     /// Judges one candidate.
     fn verify(&self, evidence: Evidence<'_>) -> Verdict;
 }
@@ -57,6 +68,8 @@ const COLOR_SEEN_SHARE: f32 = 0.35;
 const PIXEL_FIT: f32 = 0.6;
 /// What remains of a candidate's score when a level speaks against it.
 const DOUBT: f32 = 0.7;
+/// What remains at least.
+const LEAST: f32 = 0.4;
 /// Pixels from which on something counts as seen.
 const SEEN_PIXELS: usize = 8;
 
@@ -88,6 +101,14 @@ impl Verifier for EmbeddedVerifier {
         colored || !query.target.relations.is_empty()
     }
 
+    fn levels(&self) -> Levels {
+        Levels::Near
+    }
+
+    fn least_factor(&self) -> f32 {
+        LEAST
+    }
+
     fn verify(&self, evidence: Evidence<'_>) -> Verdict {
         let Evidence { query, anchors, views, .. } = evidence;
         let mut factor = 1.0;
@@ -108,6 +129,6 @@ impl Verifier for EmbeddedVerifier {
         if seen.is_empty() {
             seen.push("the views tell nothing".to_owned());
         }
-        Verdict { factor, reason: format!("in views: {}", seen.join(", ")) }
+        Verdict { factor: factor.max(LEAST), reason: format!("in views: {}", seen.join(", ")) }
     }
 }

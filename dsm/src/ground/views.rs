@@ -16,10 +16,21 @@ const PLACE_REACH_M: f64 = 1.2;
 const ELEVATION_RAD: f64 = 0.6;
 /// Directions around the candidate that are tried.
 const AZIMUTHS: usize = 6;
-/// Points per object in the views: enough to close the surface of a cup at this size.
-const MAX_POINTS: usize = 1_500;
+/// Points of the candidate and of others in the views: enough to close the surface of a cup at this size.
+const MAX_POINTS: [usize; 2] = [1_500, 300];
+/// Points of the candidate and of others while the best side is looked for.
+const MAX_SIDE_POINTS: [usize; 2] = [300, 80];
 /// Points per object in the scene view.
-const MAX_SCENE_POINTS: usize = 150;
+const MAX_SCENE_POINTS: [usize; 2] = [150, 150];
+
+/// Which views are rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Levels {
+    /// The candidate, and it among its neighbours; the scene view stays empty.
+    Near,
+    /// The whole map as well.
+    All,
+}
 
 /// What can be seen of a candidate. Labels are positions in `shown` + 1.
 #[derive(Clone, Debug)]
@@ -30,13 +41,24 @@ pub struct CandidateViews {
     pub object: Image,
     /// Place level: the candidate among its neighbours and anchors, from the same side.
     pub place: Image,
-    /// Scene level: the whole map from above.
+    /// Scene level: the whole map from above; without pixels when it was not asked for.
     pub scene: Image,
 }
 
 impl CandidateViews {
     /// Renders the three views of a candidate; `None` when the map has no points of it.
     pub fn render(map: &Map, candidate: &MapObject, anchors: &[&MapObject], renderer: &mut Renderer) -> Option<Self> {
+        Self::render_levels(map, candidate, anchors, Levels::All, renderer)
+    }
+
+    /// As [`render`](Self::render), only the levels that are needed.
+    pub fn render_levels(
+        map: &Map,
+        candidate: &MapObject,
+        anchors: &[&MapObject],
+        levels: Levels,
+        renderer: &mut Renderer,
+    ) -> Option<Self> {
         if candidate.points.is_empty() {
             return None;
         }
@@ -52,7 +74,7 @@ impl CandidateViews {
         let mut shown = vec![candidate];
         shown.extend(near);
         let close = scene_of(&shown, MAX_POINTS);
-        let eye_side = best_side(&close, &own, renderer);
+        let eye_side = best_side(&scene_of(&shown, MAX_SIDE_POINTS), &own, renderer);
         let object = view(&close, &own, eye_side, renderer);
         let place = view(&close, &around, eye_side, renderer);
         let all = [&shown[..], &far[..]].concat();
@@ -60,6 +82,10 @@ impl CandidateViews {
             let other = object.bounds.aabb();
             Aabb { min: b.min.inf(&other.min), max: b.max.sup(&other.max) }
         });
+        if levels == Levels::Near {
+            let shown = all.iter().map(|object| object.id).collect();
+            return Some(Self { shown, object, place, scene: Image::default() });
+        }
         let from_above = Vector3::new(0.25, 0.0, 1.0).normalize();
         let scene = view(&scene_of(&all, MAX_SCENE_POINTS), &bounds, from_above, renderer);
         Some(Self { shown: all.iter().map(|object| object.id).collect(), object, place, scene })
@@ -72,8 +98,10 @@ impl CandidateViews {
     }
 }
 
-fn scene_of(objects: &[&MapObject], max_points: usize) -> Scene {
+/// The first object with at most the first number of points, the others with the second.
+fn scene_of(objects: &[&MapObject], [own_points, other_points]: [usize; 2]) -> Scene {
     let splats = |(i, object): (usize, &&MapObject)| {
+        let max_points = if i == 0 { own_points } else { other_points };
         let stride = object.points.len().div_ceil(max_points).max(1);
         let points = || object.points.iter().step_by(stride);
         // Points stand for the surface between them: wider apart, larger.

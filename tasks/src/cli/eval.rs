@@ -1,12 +1,14 @@
 //! `dsm eval`: measures against ground truth.
 
-use super::{eval_grounding, eval_map};
+use super::{eval_episodes, eval_grounding, eval_map};
 
 /// What is measured.
 #[derive(Debug, clap::Subcommand)]
 pub enum EvalCommand {
     /// Referring expressions over known boxes: Nr3D, Sr3D, ScanRefer.
     Grounding(eval_grounding::GroundingArgs),
+    /// Own maps: explores and maps scenes, and grounds expressions that are made from their truth.
+    EpisodesGrounding(eval_episodes::EpisodesArgs),
     /// Maps against ground truth: each scene and seed is explored once, and its frames are mapped at each pose noise.
     Map(eval_map::MapArgs),
 }
@@ -15,6 +17,7 @@ pub enum EvalCommand {
 pub(super) fn run(command: EvalCommand) -> anyhow::Result<u8> {
     match command {
         EvalCommand::Grounding(args) => eval_grounding::run(args),
+        EvalCommand::EpisodesGrounding(args) => eval_episodes::run(args),
         EvalCommand::Map(args) => eval_map::run(args),
     }
 }

@@ -190,7 +190,7 @@ fn generate_homes(args: &MapArgs, folder: &Path) -> Result<Vec<PathBuf>, TaskErr
     (0..args.generate.unwrap_or(0)).map(home).collect()
 }
 
-fn spec(scene: &Path, seed: u64, settings: &Settings) -> RunSpec {
+pub(super) fn spec(scene: &Path, seed: u64, settings: &Settings) -> RunSpec {
     let folder = if scene.is_dir() { scene.file_name() } else { scene.parent().and_then(Path::file_name) };
     RunSpec {
         name: folder.map_or("scene".into(), |name| name.to_string_lossy().into_owned()),
@@ -255,7 +255,11 @@ fn run_all(
 }
 
 /// The drive from its file, if there is one, or a new one.
-fn find_drive(spec: &RunSpec, folder: Option<&Path>, interrupted: &Arc<AtomicBool>) -> Result<Vec<Moment>, TaskError> {
+pub(super) fn find_drive(
+    spec: &RunSpec,
+    folder: Option<&Path>,
+    interrupted: &Arc<AtomicBool>,
+) -> Result<Vec<Moment>, TaskError> {
     let file = folder.map(|folder| folder.join(format!("{}-{}.json", spec.name, spec.seed)));
     if let Some(file) = file.as_ref().filter(|file| file.exists()) {
         return read_drive(file, spec);

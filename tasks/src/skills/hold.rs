@@ -30,7 +30,11 @@ pub(super) fn verify(
     {
         return Ok(Err((Stage::Hold, format!("the lift ended {error_m:.2} m too low"))));
     }
-    let still_there = share_still_there(agent, before);
+    // Only what a lift leaves behind tells: the lower end of a tall thing now stands where its upper end was.
+    let bottom_z_m = before.iter().map(|p| p.z).fold(f64::INFINITY, f64::min);
+    let vacated_z_m = bottom_z_m + settings.planner.lift_m - 0.03;
+    let left: Vec<Point3<f64>> = before.iter().filter(|p| p.z < vacated_z_m).copied().collect();
+    let still_there = share_still_there(agent, &left);
     if still_there > 0.5 {
         return Ok(Err((Stage::Grasp, format!("{:.0} % of the object is seen where it was", 100.0 * still_there))));
     }

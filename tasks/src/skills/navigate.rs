@@ -4,16 +4,43 @@ use super::Outcome;
 use super::drive::{Drive, DriveOutcome};
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
+use dsm::ground::RelationWord;
 use dsm::map::{ObjectId, RoomId};
 use dsm::time::Span;
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2, find_room_pose, find_view_poses};
+use nalgebra::{Point2, Vector2};
 
 /// So many standing places are tried.
 const MAX_PLACES: usize = 4;
 
-/// Drives to a place from which the object is seen, and looks at it.
-pub fn navigate_to_object(agent: &mut Agent, nav: &NavConfig, id: ObjectId) -> Result<Outcome, Halt> {
+/// Places within this angle of the asked side count, radians.
+const SIDE_RAD: f64 = 1.05;
+
+/// Whether a place lies on the asked side of a thing for a viewer who stands at `eye` and faces it; words that name no
+/// side hold everywhere.
+fn lies_on_side(side: Option<RelationWord>, eye: &Point2<f64>, thing: &Point2<f64>, place: &Point2<f64>) -> bool {
+    let forward = thing - eye;
+    let left = Vector2::new(-forward.y, forward.x);
+    let wanted = match side {
+        Some(RelationWord::LeftOf) => left,
+        Some(RelationWord::RightOf) => -left,
+        Some(RelationWord::InFrontOf) => -forward,
+        Some(RelationWord::Behind) => forward,
+        _ => return true,
+    };
+    (place - thing).angle(&wanted) <= SIDE_RAD
+}
+
+/// Drives to a place from which the object is seen, and looks at it. With a side, to a place on that side of it, as the
+/// robot sees it when it starts.
+pub fn navigate_to_object(
+    agent: &mut Agent,
+    nav: &NavConfig,
+    id: ObjectId,
+    side: Option<RelationWord>,
+) -> Result<Outcome, Halt> {
     let mut reached = false;
+    let eye = Pose2::from_pose(&agent.world_from_base()?).position;
     for attempt in 0..MAX_PLACES {
         let Some(bounds) = agent.map().find_object(id).map(|o| o.bounds) else {
             return Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0)));
@@ -24,13 +51,14 @@ pub fn navigate_to_object(agent: &mut Agent, nav: &NavConfig, id: ObjectId) -> R
         let places = agent.plan(move || {
             let costmap = Costmap::from_free_space(&map.free_space, &config.costmap);
             let field = Field::from_start(&costmap, &start);
-            find_view_poses(&map, &costmap, &field, &bounds, &config.goal)
+            let mut places = find_view_poses(&map, &costmap, &field, &bounds, &config.goal);
+            places.retain(|place| lies_on_side(side, &eye, &bounds.center.xy(), &place.pose.position));
+            places
         })?;
         let Some(place) = places.get(attempt.min(places.len().saturating_sub(1))) else {
-            return Ok(Outcome::Failed(
-                Stage::Planning,
-                "no place from which the object is seen can be reached".into(),
-            ));
+            let side = side.map_or(String::new(), |side| format!(" {} it", side.phrase()));
+            let reason = format!("no place{side} from which the object is seen can be reached");
+            return Ok(Outcome::Failed(Stage::Planning, reason));
         };
         agent.gaze = Gaze::AHEAD;
         if Drive::to_pose(nav, place.pose).run(agent)? == DriveOutcome::Arrived {
@@ -89,5 +117,22 @@ pub fn navigate_to_room(agent: &mut Agent, nav: &NavConfig, id: RoomId) -> Resul
     match Drive::to_place(nav, position).run(agent)? {
         DriveOutcome::Arrived => Ok(Outcome::Done(format!("stands in the {name}"))),
         other => Ok(Outcome::Failed(Stage::Planning, format!("the way into the {name} failed: {other:?}"))),
+    }
+}
+
+#[cfg(test)]
+mod side_tests {
+    //! Contract: sides are those of one who stands where the robot starts and faces the thing.
+    use super::*;
+
+    #[test]
+    fn sides_are_the_viewers() {
+        let (eye, lamp) = (Point2::new(0.0, 0.0), Point2::new(3.0, 0.0));
+        let on = |side, x, y| lies_on_side(Some(side), &eye, &lamp, &Point2::new(x, y));
+        assert!(on(RelationWord::LeftOf, 3.0, 1.0) && !on(RelationWord::LeftOf, 3.0, -1.0));
+        assert!(on(RelationWord::RightOf, 3.2, -1.0) && !on(RelationWord::RightOf, 2.0, 0.0));
+        assert!(on(RelationWord::InFrontOf, 2.0, 0.1) && !on(RelationWord::InFrontOf, 4.0, 0.0));
+        assert!(on(RelationWord::Behind, 4.0, 0.1) && on(RelationWord::NextTo, 9.0, 9.0));
+        assert!(lies_on_side(None, &eye, &lamp, &eye));
     }
 }

@@ -51,10 +51,11 @@ pub(in crate::ground) fn features_of(
     }
     add(Kind::Mentioned, &|i| if noun[i] <= MENTIONED_FIT { 1.0 } else { 0.0 });
     if is_literal(query, tokens) {
-        add(Kind::LiteralName, &|i| if noun[i] < PEER_SHARE * best { 1.0 } else { 0.0 });
+        let exact: Vec<usize> = items.iter().copied().filter(|i| noun[*i] >= LITERAL_SHARE * best).collect();
+        add(Kind::LiteralName, &|i| if exact.contains(&i) { 0.0 } else { 1.0 });
         for factor in evaluation.factors.iter().skip(1) {
-            let highest = peers.iter().map(|i| factor.scores[*i]).fold(0.0, f32::max);
-            let is_best = |i: usize| peers.contains(&i) && factor.scores[i] >= highest - 1e-6;
+            let highest = exact.iter().map(|i| factor.scores[*i]).fold(0.0, f32::max);
+            let is_best = |i: usize| exact.contains(&i) && factor.scores[i] >= highest - 1e-6;
             add(Kind::LiteralBest, &|i| if is_best(i) { 1.0 } else { 0.0 });
         }
     }
@@ -130,6 +131,8 @@ pub(in crate::ground) fn features_of(
     Features { items, rows }
 }
 
+/// Names that fit at least this share of the best are the name that was said: "door" is not "doors".
+const LITERAL_SHARE: f32 = 0.75;
 /// Most words of a text that says one thing.
 const LITERAL_WORDS: usize = 14;
 
