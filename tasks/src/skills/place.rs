@@ -6,6 +6,7 @@ use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_through, move_tool};
 use super::carry::find_carry;
 use super::drive::{Drive, DriveOutcome};
 use super::grasp::{GraspSettings, back_off, finger_links, retreat, seeds};
+use super::navigate::navigate_to_object;
 use super::obstacles::find_obstacles;
 use super::spots::{Load, Spot, find_spots};
 use crate::agent::{Agent, Gaze, Halt};
@@ -142,9 +143,15 @@ pub fn place(
             Ok(reason) => return Ok(Outcome::Done(reason)),
             Err((stage, reason)) => {
                 agent.note(format!("place attempt {attempt} failed ({stage:?}): {reason}"));
+                let nowhere = stage == Stage::Planning;
                 last = (stage, reason);
                 if agent.held().is_none() {
                     break;
+                }
+                if nowhere {
+                    // Nothing has moved: a look from near, and less room, may show a spot.
+                    navigate_to_object(agent, nav, surface, None)?;
+                    continue;
                 }
                 if let Outcome::Failed(stage, reason) = carry(agent, held, settings)? {
                     last = (stage, reason);
@@ -158,6 +165,11 @@ pub fn place(
 
 type Attempt = Result<String, (Stage, String)>;
 
+/// Share of the usual room around a spot that an attempt asks for.
+fn spare(attempt: usize) -> f64 {
+    if attempt == 0 { 1.0 } else { 0.55 }
+}
+
 fn try_place(
     agent: &mut Agent,
     nav: &NavConfig,
@@ -167,7 +179,7 @@ fn try_place(
     attempt: usize,
 ) -> Result<Attempt, Halt> {
     // Where to stand, and which spot that is for.
-    let choices = choose_stands(agent, nav, held, surface)?;
+    let choices = choose_stands(agent, nav, held, surface, spare(attempt))?;
     let Some((spot, approach)) = choices.get(attempt.min(choices.len().saturating_sub(1))).cloned() else {
         return Ok(Err((Stage::Planning, "no free spot on the surface can be reached".into())));
     };
@@ -195,7 +207,7 @@ fn try_place(
     // Look again from here, and choose the spot for where the base really stands.
     agent.rest(Span::from_s(1.2))?;
     agent.note("before the surface");
-    let Some((spot, base_from_tool, joints)) = choose_spot(agent, held, surface, &at)? else {
+    let Some((spot, base_from_tool, joints)) = choose_spot(agent, held, surface, &at, spare(attempt))? else {
         return Ok(Err((Stage::Reach, "no free spot is within reach from here".into())));
     };
     // Over the spot, down, open.
@@ -328,6 +340,7 @@ fn choose_stands(
     nav: &NavConfig,
     held: &Held,
     surface: ObjectId,
+    spare: f64,
 ) -> Result<Vec<(Spot, Approach)>, Halt> {
     const MAX_SPOTS: usize = 24;
     const MAX_STANDS: usize = 6;
@@ -338,7 +351,7 @@ fn choose_stands(
     agent.plan(move || {
         let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
         let field = Field::from_start(&costmap, &start);
-        let spots = apart(find_spots(&map, surface, Some(held.id), &held.load), 0.1, MAX_SPOTS);
+        let spots = apart(find_spots(&map, surface, Some(held.id), &held.load, spare), 0.1, MAX_SPOTS);
         tracing::debug!("{} spots on object {}", spots.len(), surface.0);
         let mut found = Vec::new();
         for spot in spots {
@@ -413,6 +426,7 @@ fn choose_spot(
     held: &Held,
     surface: ObjectId,
     planned: &Point3<f64>,
+    spare: f64,
 ) -> Result<Option<(Spot, Pose, JointPositions)>, Halt> {
     const NEAR_M: f64 = 0.3;
     const MAX_SPOTS: usize = 30;
@@ -422,7 +436,7 @@ fn choose_spot(
     let configuration = agent.configuration()?;
     let (held, planned) = (held.clone(), *planned);
     agent.plan(move || {
-        let mut spots = find_spots(&map, surface, Some(held.id), &held.load);
+        let mut spots = find_spots(&map, surface, Some(held.id), &held.load, spare);
         spots.retain(|spot| (spot.point - planned).norm() < NEAR_M);
         // Room counts, and so does being where the base was sent for.
         let worth = |spot: &Spot| spot.clearance_m - 0.5 * (spot.point - planned).norm();

@@ -44,8 +44,9 @@ pub struct Spot {
 
 type Cell = [i32; 2];
 
-/// Free spots on the object `surface` for the load, those with most room first; `held` is not in their way.
-pub fn find_spots(map: &Map, surface: ObjectId, held: Option<ObjectId>, load: &Load) -> Vec<Spot> {
+/// Free spots on the object `surface` for the load, those with most room first; `held` is not in their way. `spare` is the
+/// share of the usual distances to edges and things that is kept, 1 for all of it.
+pub fn find_spots(map: &Map, surface: ObjectId, held: Option<ObjectId>, load: &Load, spare: f64) -> Vec<Spot> {
     let Some(object) = map.find_object(surface) else { return Vec::new() };
     let points: Vec<Point3<f64>> = object.points.iter().map(|p| p.position.cast()).collect();
     let around = object.bounds.aabb().grown(0.3);
@@ -54,7 +55,7 @@ pub fn find_spots(map: &Map, surface: ObjectId, held: Option<ObjectId>, load: &L
     things
         .retain(|p: &Point3<f64>| p.x > around.min.x && p.x < around.max.x && p.y > around.min.y && p.y < around.max.y);
     let mut spots: Vec<Spot> =
-        find_levels(&points).into_iter().flat_map(|z_m| find_on_level(&points, &things, z_m, load)).collect();
+        find_levels(&points).into_iter().flat_map(|z_m| find_on_level(&points, &things, z_m, load, spare)).collect();
     spots.sort_by(|a, b| b.clearance_m.total_cmp(&a.clearance_m));
     spots
 }
@@ -91,7 +92,7 @@ fn find_levels(points: &[Point3<f64>]) -> Vec<f64> {
 }
 
 /// Spots on one level of a surface with these `points`; `things` are the points of all else.
-fn find_on_level(points: &[Point3<f64>], things: &[Point3<f64>], z_m: f64, load: &Load) -> Vec<Spot> {
+fn find_on_level(points: &[Point3<f64>], things: &[Point3<f64>], z_m: f64, load: &Load, spare: f64) -> Vec<Spot> {
     let level: Vec<Point3<f64>> = points.iter().filter(|p| (p.z - z_m).abs() <= BAND_M).copied().collect();
     let supported = closed(level.iter().map(cell_of).collect(), (spacing_m(&level) / CELL_M).ceil() as i32);
     let top_m = z_m + load.height_m + HAND_M;
@@ -110,8 +111,8 @@ fn find_on_level(points: &[Point3<f64>], things: &[Point3<f64>], z_m: f64, load:
         let mut clearance_m = ENOUGH_M;
         for ([x, y], distance_m) in &offsets {
             let other = [cell[0] + x, cell[1] + y];
-            let edge = if supported.contains(&other) { f64::MAX } else { distance_m - load.radius_m - EDGE_M };
-            let thing = if blocked.contains(&other) { distance_m - load.radius_m - ROOM_M } else { f64::MAX };
+            let edge = if supported.contains(&other) { f64::MAX } else { distance_m - load.radius_m - spare * EDGE_M };
+            let thing = if blocked.contains(&other) { distance_m - load.radius_m - spare * ROOM_M } else { f64::MAX };
             clearance_m = clearance_m.min(edge).min(thing);
             if clearance_m < 0.0 {
                 return None;
@@ -163,7 +164,7 @@ mod tests {
         let load = Load { radius_m: 0.04, height_m: 0.1 };
         let thing: Vec<Point3<f64>> = (0..10).map(|i| Point3::new(0.2, 0.2, 0.73 + 0.01 * f64::from(i))).collect();
         assert_eq!(find_levels(&points).len(), 1);
-        let spots = find_on_level(&points, &thing, 0.7, &load);
+        let spots = find_on_level(&points, &thing, 0.7, &load, 1.0);
         assert!(!spots.is_empty());
         for spot in &spots {
             let p = spot.point;
@@ -171,7 +172,7 @@ mod tests {
             assert!((p.xy() - Point2::new(0.2, 0.2)).norm() > 0.07, "{p}");
         }
         let full: Vec<Point3<f64>> = board(0.75);
-        assert!(find_on_level(&points, &full, 0.7, &load).is_empty());
+        assert!(find_on_level(&points, &full, 0.7, &load, 1.0).is_empty());
     }
 
     #[test]
@@ -179,13 +180,13 @@ mod tests {
         let step = |i: i32| f64::from(i) * 0.045;
         let points: Vec<_> = (0..=20).flat_map(|x| (0..=12).map(move |y| Point3::new(step(x), step(y), 0.7))).collect();
         let load = Load { radius_m: 0.045, height_m: 0.1 };
-        let spots = find_on_level(&points, &[], 0.7, &load);
+        let spots = find_on_level(&points, &[], 0.7, &load, 1.0);
         assert!(spots.len() > 100, "{}", spots.len());
         assert!(spots.iter().all(|s| s.point.x > 0.05 && s.point.x < 0.85), "the edges hold");
         let book: Vec<_> = (0..10)
             .flat_map(|x| (0..8).map(move |y| Point3::new(0.3 + 0.02 * f64::from(x), 0.2 + 0.02 * f64::from(y), 0.722)))
             .collect();
-        let beside = find_on_level(&points, &book, 0.7, &load);
+        let beside = find_on_level(&points, &book, 0.7, &load, 1.0);
         assert!(beside.iter().all(|s| !(0.28..0.5).contains(&s.point.x) || !(0.18..0.36).contains(&s.point.y)));
     }
 
