@@ -410,7 +410,7 @@ p{margin:.25rem 0}.dim{color:var(--dim);font-size:.9rem}.why{color:var(--bad)}
 .wide{overflow-x:auto;background:#fff;border:1px solid var(--line);border-radius:8px;margin:.5rem 0}
 table{border-collapse:collapse;width:100%;font-size:.9rem;overflow-wrap:normal}
 th,td{text-align:left;vertical-align:top;padding:6px 10px;border-bottom:1px solid var(--line)}th{color:var(--dim);font-weight:600}
-tr:last-child td{border-bottom:0}.number{font-variant-numeric:tabular-nums;text-align:right}
+tr:last-child td{border-bottom:0}.number{font-variant-numeric:tabular-nums;text-align:right;white-space:nowrap}
 td i{display:inline-block;width:.8em;height:.8em;margin-right:.4em;border:1px solid var(--dim);border-radius:2px}
 dl{display:grid;grid-template-columns:repeat(auto-fill,minmax(155px,1fr));gap:8px;margin:0}
 dl div{background:#fff;border:1px solid var(--line);border-radius:8px;padding:8px 12px}dt{color:var(--dim);font-size:.85rem}dd{margin:0;font-weight:600}
