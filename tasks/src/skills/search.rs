@@ -9,7 +9,7 @@ use dsm::time::{Span, Stamp};
 use std::sync::Arc;
 
 /// Exploration stops early only for a grounding that scores at least this.
-const SURE_SCORE: f32 = 0.6;
+const SURE_SCORE: f32 = 0.72;
 /// ... and that has pointed at the same thing for this long.
 const SURE_FOR: Span = Span(3_000_000_000);
 /// ... and that was seen in so many frames: attributes of what was glimpsed are not worth much.
