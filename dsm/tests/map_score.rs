@@ -44,7 +44,7 @@ fn truth() -> TrueScene {
         objects: vec![
             thing("table", [0.0, 0.0, 0.36], [1.2, 0.8, 0.72], "brown"),
             thing("mug", [0.2, 0.1, 0.77], [0.1, 0.1, 0.1], "red"),
-            thing("box", [-0.3, 0.0, 0.82], [0.2, 0.2, 0.2], "silver"),
+            thing("box", [-0.31, 0.01, 0.82], [0.2, 0.2, 0.2], "silver"),
         ],
     }
 }
