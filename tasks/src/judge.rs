@@ -2,7 +2,7 @@
 
 use crate::episode::{Expectation, ExpectationKind};
 use crate::summary::{
-    ContactSummary, ExpectationSummary, Metrics, PoseSummary, StepOutcome, StepSummary, TruthSummary,
+    ContactSummary, ExpectationSummary, Metrics, PoseSummary, Stage, StepOutcome, StepSummary, TruthSummary,
 };
 use dsm::eval::{TrueObject, TrueWorld, Truth};
 use dsm::map::Map;
@@ -14,6 +14,8 @@ use std::collections::BTreeMap;
 const COLLISION_SPEED_M_PER_S: f64 = 0.1;
 /// Movement of an object's support surface in this band counts as resting, metres per second of its centre.
 const REST_SPEED_M_PER_S: f64 = 0.02;
+/// A target counts as mapped when an object's middle lies this near to its own, metres.
+const MAPPED_WITHIN_M: f64 = 0.25;
 /// A contact that is not seen for this long is a new one when it comes back, seconds.
 const CONTACT_GAP_S: f64 = 0.3;
 
@@ -231,6 +233,36 @@ impl Judge {
                 summary(e, refused && !touched, measured, "a refusal without touching anything".into())
             }
         }
+    }
+
+    /// The stage to blame when all steps say that they are done and an expectation does not hold, and why.
+    pub fn find_blamed_stage(&self, steps: &[StepSummary], map: &Map, failed: usize) -> (Stage, Option<String>) {
+        let blame = || {
+            let expectation = self.expectations.get(failed)?;
+            let first = self.first.as_ref()?;
+            let target = find(first, expectation.object.as_deref()?)?;
+            let chosen = steps.iter().rev().find_map(|s| s.grounding.as_ref()?.object_id)?;
+            let center = map.find_object(chosen)?.bounds.center;
+            let away_m = |object: &&TrueObject| (object.bounds.center - center).norm();
+            let meant = first.objects.iter().min_by(|a, b| away_m(a).total_cmp(&away_m(b)))?;
+            let touched = |body: &str| self.contacts().iter().any(|c| c.body == body && c.link.starts_with("gripper"));
+            if meant.body != target.body && !touched(&target.body) {
+                let near = |o: &dsm::map::MapObject| (o.bounds.center - target.bounds.center).norm() < MAPPED_WITHIN_M;
+                let mapped = map.stable_objects().any(near);
+                let stage = if mapped { Stage::Grounding } else { Stage::Mapping };
+                let lacking = if mapped { "" } else { "; the map holds nothing where the target stood" };
+                return Some((stage, Some(format!("{} was taken for {}{lacking}", meant.body, target.body))));
+            }
+            Some(match expectation.kind {
+                ExpectationKind::ObjectLifted if touched(&target.body) => (Stage::Hold, None),
+                ExpectationKind::ObjectLifted => (Stage::Grasp, None),
+                ExpectationKind::ObjectOn => (Stage::Place, None),
+                ExpectationKind::RobotNear => (Stage::Planning, None),
+                ExpectationKind::Grounding => (Stage::Grounding, None),
+                ExpectationKind::Refused => (Stage::Judging, None),
+            })
+        };
+        blame().unwrap_or((Stage::Judging, None))
     }
 
     fn judge_near(&self, e: &Expectation, last: &Truth) -> ExpectationSummary {

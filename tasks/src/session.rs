@@ -172,13 +172,18 @@ impl Session {
         }
         let judge = self.judge.borrow();
         let expectations = judge.judge(&account.steps, &map);
-        let failed = expectations.iter().find(|e| !e.passed);
+        let failed = expectations.iter().position(|e| !e.passed);
         let failure =
             account.failure.or_else(|| find_refusal(&spec.episode.expectations, &account.steps)).or_else(|| {
-                failed.map(|e| Failure {
-                    step: account.steps.len().saturating_sub(1),
-                    stage: Stage::Judging,
-                    reason: format!("{}: {}; required: {}", e.kind, e.measured, e.required),
+                failed.map(|index| {
+                    let e = &expectations[index];
+                    let (stage, why) = judge.find_blamed_stage(&account.steps, &map, index);
+                    let why = why.map_or_else(String::new, |why| format!("; {why}"));
+                    Failure {
+                        step: account.steps.len().saturating_sub(1),
+                        stage,
+                        reason: format!("{}: {}; required: {}{why}", e.kind, e.measured, e.required),
+                    }
                 })
             });
         let success = failure.is_none();

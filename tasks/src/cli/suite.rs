@@ -3,7 +3,7 @@
 use super::output::{prepare_suite_folder, to_json};
 use super::run::{catch_interrupt, prepare, run_and_write, set_threads};
 use super::scene::write_scene;
-use super::suite_done::{Fingerprint, find_done, write_done};
+use super::suite_done::{Fingerprint, Program, find_done, write_done};
 use super::suite_result::{Suite, SuiteEpisode};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode_generator::write_episodes;
@@ -191,6 +191,7 @@ fn run_all(
     force: bool,
     interrupted: &Arc<AtomicBool>,
 ) -> Result<Vec<SuiteEpisode>, TaskError> {
+    let program = Program::read();
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::new());
     let bar = ProgressBar::with_draw_target(Some(specs.len() as u64), ProgressDrawTarget::stderr());
@@ -204,7 +205,7 @@ fn run_all(
                     if interrupted.load(Ordering::Relaxed) {
                         break;
                     }
-                    let line = run_one(spec, folder, force, interrupted);
+                    let line = run_one(spec, folder, force, program, interrupted);
                     let word = if line.success { "success" } else { "failed" };
                     bar.set_message(format!("{} seed {}: {word}", line.id, line.seed));
                     bar.inc(1);
@@ -220,9 +221,15 @@ fn run_all(
 }
 
 /// Runs one episode, or takes what an earlier suite left of it; whatever goes wrong becomes a line.
-fn run_one(spec: &RunSpec, folder: &Path, force: bool, interrupted: &Arc<AtomicBool>) -> SuiteEpisode {
+fn run_one(
+    spec: &RunSpec,
+    folder: &Path,
+    force: bool,
+    program: Program,
+    interrupted: &Arc<AtomicBool>,
+) -> SuiteEpisode {
     let own = folder.join(format!("{}-{}", spec.name, spec.seed));
-    let fingerprint = Fingerprint::of(spec);
+    let fingerprint = Fingerprint::of(spec, program);
     if let (false, Some(fingerprint)) = (force, &fingerprint)
         && let Some(done) = find_done(&own, fingerprint)
     {

@@ -11,7 +11,7 @@ use std::path::Path;
 /// Name of the file.
 const DONE_FILE: &str = "done.json";
 
-/// All that decides an episode, as one number: the program's version, the run's settings, and the files of its scene.
+/// All that decides an episode, as one number: the program, the run's settings, and the files of its scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Fingerprint(String);
 
@@ -22,13 +22,13 @@ struct Done {
 }
 
 impl Fingerprint {
-    /// `None` when a file of the scene cannot be read: then nothing is taken over.
-    pub(super) fn of(spec: &RunSpec) -> Option<Self> {
+    /// `None` when the program or a file of the scene cannot be read: then nothing is taken over.
+    pub(super) fn of(spec: &RunSpec, program: Program) -> Option<Self> {
         let scene = dsm_sim::scene::scene_file(&spec.scene);
         // Where the episode file lies decides nothing.
         let settings = format!(
             "{} {:?} {} {} {} {} {} {}",
-            env!("CARGO_PKG_VERSION"),
+            program.0?,
             spec.episode,
             spec.name,
             spec.robot,
@@ -37,13 +37,28 @@ impl Fingerprint {
             spec.seed,
             spec.time_limit_s
         );
-        let mut hash = hash(0xcbf2_9ce4_8422_2325, settings.as_bytes());
+        let mut hash = hash(BASIS, settings.as_bytes());
         hash = self::hash(hash, &std::fs::read(&scene).ok()?);
         // A scene may do without semantics.
         hash = self::hash(hash, &std::fs::read(scene.with_file_name("semantics.toml")).unwrap_or_default());
         Some(Self(format!("{hash:016x}")))
     }
 }
+
+/// The program that runs, as one number; nothing when it cannot be read.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Program(Option<u64>);
+
+impl Program {
+    /// Reads the running executable.
+    pub(super) fn read() -> Self {
+        let bytes = std::env::current_exe().and_then(std::fs::read);
+        Self(bytes.ok().map(|bytes| hash(BASIS, &bytes)))
+    }
+}
+
+/// Where FNV-1a begins.
+const BASIS: u64 = 0xcbf2_9ce4_8422_2325;
 
 /// FNV-1a over the bytes and their number.
 fn hash(begin: u64, bytes: &[u8]) -> u64 {

@@ -14,6 +14,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Half the width of the paths that are kept free, metres.
 pub(super) const PATH_RADIUS_M: f64 = 0.375;
+/// Furniture cuts off less than the rest of the free floor.
+const REACHED_SHARE: f64 = 0.8;
 /// Draws for one piece before a room does without it.
 const TRIES: usize = 60;
 /// Free space between furniture and wall, metres.
@@ -306,7 +308,8 @@ fn fits_on_floor(thing: &Placed, room: &RoomState, placed: &[Placed]) -> bool {
         return false;
     }
     let walkable = room.flood(placed, Some(own));
-    let gates_open = room.gates.iter().all(|gate| walkable.reaches(*gate));
+    let in_one_piece = walkable.reached_share() >= REACHED_SHARE;
+    let gates_open = in_one_piece && room.gates.iter().all(|gate| walkable.reaches(*gate));
     let used = |p: &Placed| !p.must_be_reached() || is_usable(p, &find_open_sides(p, &walkable));
     gates_open && used(thing) && room.standing.iter().all(|i| used(&placed[*i]))
 }

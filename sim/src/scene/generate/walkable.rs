@@ -10,18 +10,21 @@ pub(super) struct Walkable {
     origin: [f64; 2],
     cells: [usize; 2],
     reached: Vec<bool>,
+    /// How many cells are free, reached or not.
+    free: usize,
 }
 
 impl Walkable {
     /// The cells that a disc of `radius_m` can stand on between walls and obstacles, reachable or not.
     pub(super) fn all_free(room: &Rect, obstacles: &[Rect], radius_m: f64) -> Self {
         let cells = room.size().map(|s| (s / CELL_M).floor() as usize);
-        let mut free = Self { origin: room.min, cells, reached: vec![false; cells[0] * cells[1]] };
+        let mut free = Self { origin: room.min, cells, reached: vec![false; cells[0] * cells[1]], free: 0 };
         let inner = room.grown(-radius_m);
         for cell in 0..free.reached.len() {
             let at = free.center(cell);
             let inside = (0..2).all(|i| inner.min[i] <= at[i] && at[i] <= inner.max[i]);
             free.reached[cell] = inside && obstacles.iter().all(|rect| rect.distance_m(at) >= radius_m);
+            free.free += usize::from(free.reached[cell]);
         }
         free
     }
@@ -64,6 +67,11 @@ impl Walkable {
     /// Whether the disc gets there.
     pub(super) fn reaches(&self, at: [f64; 2]) -> bool {
         self.cell(at).is_some_and(|cell| self.reached[cell])
+    }
+
+    /// Share of the free cells that are reached.
+    pub(super) fn reached_share(&self) -> f64 {
+        self.reached.iter().filter(|reached| **reached).count() as f64 / self.free.max(1) as f64
     }
 
     /// The reached place farthest from walls and obstacles, and that distance.
