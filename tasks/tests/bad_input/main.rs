@@ -5,6 +5,7 @@
 
 mod bench;
 mod episodes;
+mod eval;
 mod evals;
 mod flags;
 mod maps;
