@@ -5,9 +5,9 @@
 
 mod bench;
 mod episodes;
-mod eval;
 mod evals;
 mod flags;
+mod known_boxes;
 mod maps;
 mod robots;
 mod scenes;
