@@ -13,7 +13,7 @@ pub(super) struct PointGrid {
 impl PointGrid {
     /// A grid over points, each with a number of the caller's.
     pub(super) fn new(cell_m: f32, points: impl Iterator<Item = (Point3<f32>, u32)>) -> Self {
-        let mut keyed: Vec<([i32; 3], (Point3<f32>, u32))> = points.map(|p| (key(&p.0, cell_m), p)).collect();
+        let mut keyed: Vec<_> = points.map(|p| (key(&p.0, cell_m), p)).collect();
         keyed.sort_by_key(|(key, (_, number))| (*key, *number));
         let mut cells: Vec<([i32; 3], usize, usize)> = Vec::new();
         for (index, (key, _)) in keyed.iter().enumerate() {

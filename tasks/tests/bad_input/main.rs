@@ -7,6 +7,7 @@ mod bench;
 mod episodes;
 mod evals;
 mod flags;
+mod known_boxes;
 mod maps;
 mod robots;
 mod scenes;

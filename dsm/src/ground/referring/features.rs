@@ -15,6 +15,9 @@ const MENTION_M: f64 = 1.0;
 /// Candidates whose name fits at least this share of the best are peers, that comparing words compare.
 const PEER_SHARE: f32 = 0.5;
 
+/// Adds evidence of a kind, by item.
+type Adding<'f> = dyn FnMut(Kind, &dyn Fn(usize) -> f32) + 'f;
+
 /// One row of evidence per candidate.
 pub(in crate::ground) struct Features {
     /// The candidates.
@@ -154,7 +157,7 @@ fn add_nearness(
     query: &Query,
     mentions: &[Mention],
     (items, named): (&[usize], &[bool]),
-    add: &mut dyn FnMut(Kind, &dyn Fn(usize) -> f32),
+    add: &mut Adding<'_>,
 ) {
     let scene = context.scene;
     if !context.config.relation_filter {
@@ -163,7 +166,7 @@ fn add_nearness(
     let mut anchors = Vec::new();
     collect_names(&query.target, &mut anchors);
     let used = |mention: &&Mention| {
-        let read = anchors.iter().any(|name| *name == mention.phrase);
+        let read = anchors.contains(&mention.phrase);
         !read && !mention.items.iter().any(|item| named[*item])
     };
     for mention in mentions.iter().filter(used) {
