@@ -10,7 +10,7 @@ use dsm::raster::{Image, RenderOptions, Renderer};
 mod raster_room;
 
 fn bench(criterion: &mut Criterion) {
-    let plain = raster_room::room(78);
+    let plain = raster_room::room(82);
     let mut shaded = plain.clone();
     shaded.cast_shadows(0);
     let camera = CameraModel::from_vertical_fov(640, 480, 1.0);

@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// `dsm run` of ten simulated seconds in the apartment.
+/// `dsm run` of fifteen simulated seconds in the apartment.
 fn command(out: &Path, more: &[&str]) -> Command {
     let episode = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/apartment/episodes/fetch_apple.toml");
     let mut command = Command::new(env!("CARGO_BIN_EXE_dsm"));
@@ -20,7 +20,7 @@ fn command(out: &Path, more: &[&str]) -> Command {
     {
         command.env_remove(variable);
     }
-    command.arg("run").arg(episode).args(["--time-limit-s", "10", "--out"]).arg(out).args(more);
+    command.arg("run").arg(episode).args(["--time-limit-s", "15", "--out"]).arg(out).args(more);
     command
 }
 
@@ -67,7 +67,7 @@ fn a_run_can_be_watched_and_is_the_same_as_one_that_nobody_watches() {
     assert!(map.starts_with(b"<svg "));
     let (_, status) = get_when_there(&address, "/status.json");
     let status: serde_json::Value = serde_json::from_slice(&status).unwrap();
-    assert_eq!((status["episode"].as_str(), status["time_limit_s"].as_f64()), (Some("fetch_apple"), Some(10.0)));
+    assert_eq!((status["episode"].as_str(), status["time_limit_s"].as_f64()), (Some("fetch_apple"), Some(15.0)));
     assert!(status["frames"].as_u64().unwrap() > 0 && status["sim_time_s"].as_f64().unwrap() > 0.0, "{status}");
     assert_eq!(get(&address, "/etc/passwd").unwrap().0, 404);
     let watched = child.wait().unwrap();
