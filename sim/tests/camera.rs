@@ -33,6 +33,7 @@ fn material(name: &str, rgba: [f32; 4]) -> SceneMaterial {
         texture_span: TextureSpan::Face,
         specular: 0.0,
         shininess: 0.5,
+        metallic: 0.0,
         emission: 0.0,
     }
 }

@@ -19,7 +19,6 @@ fn find_browser() -> Option<&'static str> {
 }
 
 fn skip(reason: &str) {
-    eprintln!("skipped: {reason}");
     if let Some(log) = std::env::var_os("DSM_SKIP_LOG") {
         let mut log = fs::OpenOptions::new().append(true).create(true).open(log).unwrap();
         writeln!(log, "pages: {reason}").unwrap();

@@ -26,7 +26,7 @@ const AS_LIGHT: f32 = 0.9;
 const REFERENCE_PIXELS: usize = 600;
 /// Mean lightness step between neighbours of the same colour and lightness spread (CIELAB) from which a surface mirrors in
 /// streaks.
-const STREAKED_STEP: f32 = 1.9;
+const STREAKED_STEP: f32 = 2.3;
 const STREAKED_SPREAD: f32 = 7.0;
 /// Density assumed for things of unknown mass, kilograms per cubic metre of their box (hollow household things).
 const BOX_DENSITY_KG_PER_M3: f64 = 150.0;

@@ -218,6 +218,9 @@ fn conditions(args: &MapArgs) -> Vec<Condition> {
     noises.flat_map(|m| builds.iter().map(move |build| Condition { pose_noise_m: m, build: build.clone() })).collect()
 }
 
+/// Frames of a drive, and one score for each condition.
+type Scored = Result<(usize, Vec<MapScore>), TaskError>;
+
 fn run_all(
     specs: &[RunSpec],
     conditions: &[Condition],
@@ -225,8 +228,7 @@ fn run_all(
     interrupted: &Arc<AtomicBool>,
 ) -> Result<Vec<(RunSpec, usize, Vec<MapScore>)>, TaskError> {
     let next = AtomicUsize::new(0);
-    let done: Mutex<Vec<Option<Result<(usize, Vec<MapScore>), TaskError>>>> =
-        Mutex::new(specs.iter().map(|_| None).collect());
+    let done: Mutex<Vec<Option<Scored>>> = Mutex::new(specs.iter().map(|_| None).collect());
     let bar = ProgressBar::with_draw_target(Some(specs.len() as u64), ProgressDrawTarget::stderr());
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos} of {len} drives  {elapsed}  {msg}") {
         bar.set_style(style);

@@ -2,7 +2,7 @@
 
 use super::explore::{ExploreOutcome, Explorer, Interest};
 use crate::agent::{Agent, Halt};
-use dsm::ground::{Article, Grounder, Grounding, GroundingStatus, Query, RelationWord};
+use dsm::ground::{Article, AttributeWord, Entity, Grounder, Grounding, GroundingStatus, Noun, Query, RelationWord};
 use dsm::knowledge::Knowledge;
 use dsm::map::{AttributeKind, Map, MapObject, ObjectId};
 use dsm::time::{Span, Stamp};
@@ -78,8 +78,8 @@ pub fn search(
             }
         }
     };
-    let named = named_in(knowledge, text);
-    let inspect = |map: &Map| named.find_in(map);
+    let named = named_in(knowledge, grounder.ground(agent.map(), text, None).query.as_ref());
+    let inspect = |map: &Map| named.find_in(map, knowledge);
     let outcome = explorer.run(agent, end, Interest { enough: &mut enough, inspect: &inspect })?;
     let now_s = agent.now().as_s();
     if outcome != ExploreOutcome::Enough {
@@ -98,34 +98,37 @@ pub fn search(
     })
 }
 
-/// Categories and colours that a sentence mentions.
+/// The things that a sentence mentions: category, and the colours said of it.
 struct Named {
-    categories: Vec<String>,
-    colors: Vec<String>,
+    things: Vec<(String, Vec<String>)>,
 }
 
 /// Where a sentence says that something is, it is worth to look from near: a small thing on a white shelf is only found
 /// by looking at white shelves.
-fn named_in(knowledge: &Knowledge, text: &str) -> Named {
-    let words: Vec<String> =
-        text.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).map(str::to_lowercase).collect();
-    let pairs = words.windows(2).map(|pair| pair.join(" "));
-    let category = |word: String| knowledge.find_exact(&word).map(|category| category.name.clone());
-    let categories = pairs.chain(words.iter().cloned()).filter_map(category).collect();
-    let colors = &knowledge.words().colors;
-    let colors = words.iter().filter_map(|word| colors.find(word)).map(str::to_owned).collect();
-    Named { categories, colors }
+fn named_in(knowledge: &Knowledge, query: Option<&Query>) -> Named {
+    let mut things = Vec::new();
+    let mut open: Vec<&Entity> = query.iter().map(|query| &query.target).collect();
+    while let Some(entity) = open.pop() {
+        open.extend(entity.relations.iter().flat_map(|relation| &relation.anchors));
+        let Noun::Thing(word) = &entity.noun else { continue };
+        let Some(category) = knowledge.find(word) else { continue };
+        let colors = entity.attributes.iter().filter(|term| term.kind == AttributeWord::Color && !term.negated);
+        things.push((category.name.clone(), colors.map(|term| term.word.clone()).collect()));
+    }
+    Named { things }
 }
 
 impl Named {
-    /// Objects of the map with a name of the sentence, and one of its colours if it has any.
-    fn find_in(&self, map: &Map) -> Vec<ObjectId> {
+    /// Objects of the map that may be one of the things.
+    fn find_in(&self, map: &Map, knowledge: &Knowledge) -> Vec<ObjectId> {
         let fits = |object: &&MapObject| {
             let votes = object.attributes.find_votes(AttributeKind::Appearance, "color");
             // Light changes how colours look, so that a tenth of the votes is worth a look.
             let has = |color: &String| votes.is_some_and(|votes| votes.share(color) >= 0.1);
-            self.categories.iter().any(|category| category == object.name())
-                && (self.colors.is_empty() || self.colors.iter().any(has))
+            let is = |name: &str| {
+                object.name() == name || knowledge.find(object.name()).is_some_and(|category| category.is_a(name))
+            };
+            self.things.iter().any(|(name, colors)| is(name) && (colors.is_empty() || colors.iter().any(has)))
         };
         map.stable_objects().filter(fits).map(|object| object.id).collect()
     }

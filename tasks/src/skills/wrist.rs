@@ -62,6 +62,9 @@ pub(super) fn center_with_wrist(
     Ok(Err(last))
 }
 
+/// The re-centred grasp and how far it moved, metres; or why the look fails.
+type Look = Result<(GraspCandidate, f64), (Stage, String)>;
+
 /// How far behind the pregrasp the hand must stand for its camera to measure the object, metres.
 pub(super) fn look_back_m(model: &RobotModel, grasp: &GraspCandidate, settings: &GraspSettings) -> f64 {
     /// Distance beyond the nearest that the camera measures, metres.
@@ -87,7 +90,7 @@ fn look_with_wrist(
     grasp: &GraspCandidate,
     world_from_base: &Pose,
     support_z_m: f64,
-) -> Result<Result<(GraspCandidate, f64), (Stage, String)>, Halt> {
+) -> Result<Look, Halt> {
     agent.watched.push("wrist".into());
     agent.rest(Span::from_s(0.7))?;
     agent.watched.retain(|camera| camera != "wrist");
