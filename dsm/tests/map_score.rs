@@ -55,7 +55,7 @@ fn object(id: u64, name: &str, points: Vec<MapPoint>, color: &str) -> MapObject 
         id: ObjectId(id),
         state: ObjectState::Stable,
         names: Default::default(),
-        bounds: Aabb::from_points(&all).unwrap().into(),
+        bounds: Aabb::from_points(&all).expect("a thing has points").into(),
         points,
         attributes: Default::default(),
         visual_feature: vec![],
@@ -98,7 +98,7 @@ fn map(objects: Vec<MapObject>, relations: &[(u64, RelationKind, u64)]) -> Map {
 }
 
 fn score(map: &Map) -> MapScore {
-    score_map(map, &truth(), &BuildConfig::default(), &Arc::new(Knowledge::embedded().unwrap()))
+    score_map(map, &truth(), &BuildConfig::default(), &Arc::new(Knowledge::embedded().expect("the table is whole")))
 }
 
 fn value(score: &MapScore, name: &str) -> f64 {

@@ -5,7 +5,8 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use dsm::map::{CellState, FreeSpace};
 use dsm_robot::grasp::{ApproachFrom, GraspConfig, GraspScene, plan_grasps};
 use dsm_robot::nav::{
-    Costmap, CostmapConfig, Field, FrontierConfig, FrontierMemory, NavConfig, Pose2, find_frontiers, find_path,
+    Costmap, CostmapConfig, Field, FrontierConfig, FrontierMemory, NavConfig, Pose2, SpeedLimits, find_frontiers,
+    find_path,
 };
 use nalgebra::{Point2, Point3};
 use std::hint::black_box;
@@ -47,7 +48,9 @@ fn navigation(criterion: &mut Criterion) {
     let mut follower = dsm_robot::nav::Follower::new(config.follower, field.find_path(&costmap, &goal).unwrap());
     let pose = Pose2 { position: start, yaw_rad: 0.5 }.to_pose();
     criterion.bench_function("follower tick", |b| {
-        b.iter(|| follower.tick(black_box(&pose), dsm_robot::drivers::Twist::default(), &costmap, 0.01));
+        b.iter(|| {
+            follower.tick(black_box(&pose), dsm_robot::drivers::Twist::default(), &costmap, &SpeedLimits::NONE, 0.01)
+        });
     });
 }
 
