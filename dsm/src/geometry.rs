@@ -154,6 +154,29 @@ impl OrientedBox {
     }
 }
 
+/// Boxes that are asked together whether one of them holds a point: almost all points lie outside the box around all.
+pub struct BoxUnion<'a> {
+    boxes: &'a [OrientedBox],
+    margin_m: f64,
+    around: Option<Aabb>,
+}
+
+impl<'a> BoxUnion<'a> {
+    /// The union of `boxes`, each grown by `margin_m`.
+    pub fn new(boxes: &'a [OrientedBox], margin_m: f64) -> Self {
+        let corners: Vec<Point3<f64>> = boxes.iter().flat_map(OrientedBox::corners).collect();
+        // A margin along a turned box's axes reaches farther along the world's.
+        let around = Aabb::from_points(&corners).map(|bounds| bounds.grown(2.0 * margin_m));
+        Self { boxes, margin_m, around }
+    }
+
+    /// Whether one of them holds the point.
+    pub fn contains(&self, point_in_world: &Point3<f64>) -> bool {
+        self.around.is_some_and(|around| around.contains(point_in_world))
+            && self.boxes.iter().any(|each| each.contains(point_in_world, self.margin_m))
+    }
+}
+
 /// The upright box around the points whose outline fits them best ([`rectangle_axis`]); `None` for none.
 pub fn upright_box_around(points: &[Point3<f64>]) -> Option<OrientedBox> {
     let flat: Vec<Point2<f64>> = points.iter().map(|p| p.xy()).collect();

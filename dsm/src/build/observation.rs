@@ -5,7 +5,7 @@ use super::config::BuildConfig;
 use super::view::View;
 use crate::Pose;
 use crate::frame::RgbdFrame;
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, BoxUnion};
 use crate::map::MapPoint;
 use crate::perceive::{AttributeVote, Describer, Detection, ObjectView, TextEncoder, VisualEncoder};
 use nalgebra::{Point3, Vector3};
@@ -152,6 +152,7 @@ fn sample_points(
 ) -> (Vec<u32>, Vec<MapPoint>) {
     let stride = ((mask.area as f64 / config.samples_per_mask as f64).sqrt().ceil() as usize).max(1);
     let (erosion, width) = (mask.erosion(), frame.model.width as usize);
+    let bodies = BoxUnion::new(&carrier.bodies, 0.02);
     let mut pixels = Vec::with_capacity(config.samples_per_mask);
     let mut points = Vec::with_capacity(config.samples_per_mask);
     for row in (mask.first_row..mask.first_row + mask.rows).step_by(stride) {
@@ -165,7 +166,7 @@ fn sample_points(
                 continue;
             }
             let Some(point) = frame.find_point_in_world(pixel) else { continue };
-            if carrier.bodies.iter().any(|body| body.contains(&point, 0.02)) {
+            if bodies.contains(&point) {
                 continue;
             }
             pixels.push(pixel as u32);

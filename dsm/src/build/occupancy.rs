@@ -8,6 +8,7 @@ use super::cell_grid::CellGrid;
 use super::config::BuildConfig;
 use crate::Pose;
 use crate::frame::RgbdFrame;
+use crate::geometry::BoxUnion;
 use crate::map::{CellState, FreeSpace, MapChange};
 use nalgebra::{Point2, Point3};
 
@@ -162,6 +163,7 @@ fn look(
     carrier: &Carrier,
     known: &FreeSpace,
 ) -> CellGrid<Look> {
+    let bodies = BoxUnion::new(&carrier.bodies, 0.03);
     let eye = Point3::from(world_from_camera.translation.vector);
     let reach = config.max_floor_depth_m * 1.5;
     let low = known.cell_at(&Point2::new(eye.x - reach, eye.y - reach));
@@ -179,7 +181,7 @@ fn look(
             let in_range = depth <= config.max_floor_depth_m;
             let used = depth.min(config.max_floor_depth_m);
             let point = eye + rotation * frame.model.back_project(column as u32, row as u32, used).coords;
-            if carrier.bodies.iter().any(|body| body.contains(&point, 0.03)) {
+            if bodies.contains(&point) {
                 continue;
             }
             if in_range {

@@ -6,7 +6,7 @@
 
 use dsm::Pose;
 use dsm::frame::RgbdFrame;
-use dsm::geometry::OrientedBox;
+use dsm::geometry::{BoxUnion, OrientedBox};
 use dsm::time::{Span, Stamp};
 use nalgebra::{Point2, Point3};
 use schemars::JsonSchema;
@@ -76,6 +76,7 @@ impl LiveObstacles {
     pub fn observe(&mut self, frame: &RgbdFrame, bodies: &[OrientedBox], config: &LiveConfig) {
         let memory = Span::from_s(config.memory_s);
         self.cells.retain(|_, seen| frame.stamp - *seen <= memory);
+        let bodies = BoxUnion::new(bodies, BODY_MARGIN_M);
         let mut counts: BTreeMap<[i32; 2], u16> = BTreeMap::new();
         let (width, height) = (frame.model.width as usize, frame.model.height as usize);
         let eye = Point3::from(frame.world_from_camera.translation.vector);
@@ -88,7 +89,7 @@ impl LiveObstacles {
                 }
                 let point = eye + rotation * frame.model.back_project(column as u32, row as u32, depth).coords;
                 let stands = point.z > config.lowest_m + TILT_M_PER_M * depth && point.z < config.highest_m;
-                if stands && !bodies.iter().any(|body| body.contains(&point, BODY_MARGIN_M)) {
+                if stands && !bodies.contains(&point) {
                     *counts.entry(cell_of(&point.xy())).or_default() += 1;
                 }
             }
