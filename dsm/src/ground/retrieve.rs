@@ -104,6 +104,8 @@ pub(super) fn literal_noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Kn
     scores
 }
 
+/// What a material counts that another one outvotes.
+const OUTVOTED: f32 = 0.5;
 /// Fit of a name that differs from what was said in number or spacing only.
 const PLURAL: f32 = 0.5;
 /// Fit of a synonym where names are certain.
@@ -156,7 +158,15 @@ fn attribute_score(item: &Item<'_>, term: &AttributeTerm, knowledge: &Knowledge)
     match term.kind {
         AttributeWord::Color => color_score(item, &term.word, knowledge),
         AttributeWord::Material => match votes(AttributeKind::Physical, "material") {
-            Some(votes) => saturated(canonical_share(votes, &term.word, |w| knowledge.words().materials.find(w)), 0.4),
+            Some(votes) => {
+                let canonical = |w: &str| knowledge.words().materials.find(w).map(str::to_owned);
+                let share = canonical_share(votes, &term.word, |w| knowledge.words().materials.find(w));
+                let wins = votes.find_winner().is_some_and(|(word, _)| {
+                    word == term.word || canonical(word).is_some_and(|word| word == term.word)
+                });
+                // What looks more like another material is one only for want of a better one.
+                saturated(if wins { share } else { OUTVOTED * share }, 0.4)
+            }
             None => category().map_or(UNKNOWN, |category| prior(&category.materials, &term.word)),
         },
         AttributeWord::Pattern => match votes(AttributeKind::Appearance, "pattern") {
