@@ -22,25 +22,31 @@ pub(super) fn lab_of(srgb: [f64; 3]) -> [f64; 3] {
 /// and beige stay somewhat alike and opposites do not (the test below holds both). Range 10 to 60.
 const ALIKE_DISTANCE: f64 = 28.0;
 
-fn alike(a: [f64; 3], b: [f64; 3], lightness_weight: f64) -> f32 {
+fn alike(a: [f64; 3], b: [f64; 3], distance: f64, lightness_weight: f64) -> f32 {
     let squared = lightness_weight * (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2);
-    (-squared / (ALIKE_DISTANCE * ALIKE_DISTANCE)).exp() as f32
+    (-squared / (distance * distance)).exp() as f32
 }
 
 /// Weight of lightness between words: light and exposure make white things gray and gray things black. Chosen so that
 /// white and gray stay alike by more than a constraint needs to hold, and white and black do not.
 const WORD_LIGHTNESS_WEIGHT: f64 = 0.46;
 
-/// How alike two canonical colour words are, 0 to 1; 0 for a word without prototype unless both are the same.
-pub(super) fn word_similarity(words: &Words, a: &str, b: &str) -> f32 {
+/// How alike two canonical colour words are, 0 to 1, over a distance in CIELAB; 0 for a word without prototype unless both
+/// are the same.
+fn compare(words: &Words, a: &str, b: &str, distance: f64, lightness_weight: f64) -> f32 {
     if a == b {
         return 1.0;
     }
     let find = |name: &str| words.prototypes.iter().find(|p| p.name == name).map(|p| lab_of(p.srgb.map(f64::from)));
     match (find(a), find(b)) {
-        (Some(a), Some(b)) => alike(a, b, WORD_LIGHTNESS_WEIGHT),
+        (Some(a), Some(b)) => alike(a, b, distance, lightness_weight),
         _ => 0.0,
     }
+}
+
+/// How alike two canonical colour words are, 0 to 1.
+pub(super) fn word_similarity(words: &Words, a: &str, b: &str) -> f32 {
+    compare(words, a, b, ALIKE_DISTANCE, WORD_LIGHTNESS_WEIGHT)
 }
 
 /// Distance in CIELAB within which light alone may turn one colour into another, and how little lightness counts there:
@@ -49,14 +55,8 @@ const SAME_BUT_FOR_LIGHT: (f64, f64) = (16.0, 0.2);
 
 /// Whether a thing of colour `asked` may be seen as `voted` because of the light alone, 0 to 1.
 pub(super) fn may_be_seen_as(words: &Words, asked: &str, voted: &str) -> f32 {
-    if asked == voted {
-        return 1.0;
-    }
-    let find = |name: &str| words.prototypes.iter().find(|p| p.name == name).map(|p| lab_of(p.srgb.map(f64::from)));
-    let (Some(a), Some(b)) = (find(asked), find(voted)) else { return 0.0 };
     let (distance, weight) = SAME_BUT_FOR_LIGHT;
-    let squared = weight * (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2);
-    (-squared / (distance * distance)).exp() as f32
+    compare(words, asked, voted, distance, weight)
 }
 
 /// How well a measured sRGB colour fits a canonical colour word, relative to the best-fitting word, 0 to 1.
@@ -65,7 +65,7 @@ pub(super) fn fit(words: &Words, asked: &str, srgb: [f64; 3]) -> f32 {
     let lab = lab_of(srgb);
     let score = |name: &str| {
         let prototype = words.prototypes.iter().find(|p| p.name == name);
-        prototype.map_or(0.0, |p| alike(lab, lab_of(p.srgb.map(f64::from)), 0.5))
+        prototype.map_or(0.0, |p| alike(lab, lab_of(p.srgb.map(f64::from)), ALIKE_DISTANCE, 0.5))
     };
     let best = words.prototypes.iter().map(|p| score(&p.name)).fold(0.0, f32::max);
     if best > 0.0 { score(asked) / best } else { 0.0 }

@@ -159,11 +159,10 @@ fn attribute_score(item: &Item<'_>, term: &AttributeTerm, knowledge: &Knowledge)
         AttributeWord::Color => color_score(item, &term.word, knowledge),
         AttributeWord::Material => match votes(AttributeKind::Physical, "material") {
             Some(votes) => {
-                let canonical = |w: &str| knowledge.words().materials.find(w).map(str::to_owned);
-                let share = canonical_share(votes, &term.word, |w| knowledge.words().materials.find(w));
-                let wins = votes.find_winner().is_some_and(|(word, _)| {
-                    word == term.word || canonical(word).is_some_and(|word| word == term.word)
-                });
+                let canonical = |word: &str| knowledge.words().materials.find(word);
+                let share = canonical_share(votes, &term.word, canonical);
+                let asked = term.word.as_str();
+                let wins = votes.find_winner().is_some_and(|(word, _)| word == asked || canonical(word) == Some(asked));
                 // What looks more like another material is one only for want of a better one.
                 saturated(if wins { share } else { OUTVOTED * share }, 0.4)
             }

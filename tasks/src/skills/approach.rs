@@ -1,13 +1,17 @@
 //! Where to unfold the arm before a grasp: the sweep from the fold to the ready posture takes room that a place before a
 //! shelf does not have, so the arm unfolds a step back and the base drives the last step with the arm ready.
 
+use super::arm::{ArmOutcome, move_through};
+use super::drive::{Drive, DriveOutcome};
 use super::obstacles::find_obstacles;
+use crate::agent::{Agent, Gaze, Halt};
+use crate::summary::Stage;
 use dsm::map::{Map, ObjectId};
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::collision::Obstacle;
 use dsm_robot::model::{Configuration, RobotModel};
-use dsm_robot::nav::{Costmap, Field, Pose2};
-use nalgebra::{Point2, Vector2};
+use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
+use nalgebra::{Point2, Point3, Vector2};
 
 /// Steps back that are tried, metres.
 const BACK_M: [f64; 7] = [0.0, 0.25, 0.4, 0.55, 0.7, 0.9, 1.1];
@@ -34,6 +38,38 @@ impl Approach {
     pub fn step_m(&self) -> f64 {
         (self.stand.position - self.unfold_at.position).norm()
     }
+}
+
+/// Drives to where the arm unfolds, unfolds it with its eyes on `look_at` (world frame), and drives the last step slowly.
+/// `what` names the goal in the reasons of failure; `obstacles` says what is in the arm's way where it unfolds.
+pub(super) fn come_to(
+    agent: &mut Agent,
+    nav: &NavConfig,
+    approach: &Approach,
+    what: &str,
+    look_at: &Point3<f64>,
+    step_speed_m_per_s: f64,
+    obstacles: impl FnOnce(&mut Agent) -> Result<Vec<Obstacle>, Halt>,
+) -> Result<Result<(), (Stage, String)>, Halt> {
+    agent.gaze = Gaze::AHEAD;
+    let arrived = Drive::to_pose(nav, approach.unfold_at).run(agent)?;
+    if arrived != DriveOutcome::Arrived {
+        return Ok(Err((Stage::Planning, format!("the way to the {what} failed: {arrived:?}"))));
+    }
+    agent.gaze = Gaze::Point(*look_at);
+    let obstacles = obstacles(agent)?;
+    if let ArmOutcome::Stuck { error_m, .. } = move_through(agent, &approach.postures, &obstacles)? {
+        return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
+    }
+    if approach.step_m() > 0.01 {
+        let mut slow = nav.clone();
+        slow.follower.max_speed_m_per_s = step_speed_m_per_s;
+        let arrived = Drive::to_pose(&slow, approach.stand).run(agent)?;
+        if arrived != DriveOutcome::Arrived {
+            return Ok(Err((Stage::Planning, format!("the last step to the {what} failed: {arrived:?}"))));
+        }
+    }
+    Ok(Ok(()))
 }
 
 /// Finds how to come to the first `wanted` of the `stands` that have room for it with the arm ready.
@@ -107,10 +143,10 @@ fn unfolding(model: &RobotModel, lift_share: f64) -> Option<Vec<JointPositions>>
     Some(postures)
 }
 
-fn configured(model: &RobotModel, from: &Configuration, posture: &JointPositions) -> Configuration {
+/// The configuration with the arm in a posture; fingers and head stay as they are.
+pub(super) fn configured(model: &RobotModel, from: &Configuration, posture: &JointPositions) -> Configuration {
     let mut configuration = from.clone();
     configuration.apply(posture);
-    // Only the arm moves: fingers and head stay as they are.
     let arm = model.arm.values_of(&configuration);
     let mut only_arm = from.clone();
     only_arm.apply_group(&model.arm, &arm);

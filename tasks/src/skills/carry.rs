@@ -1,5 +1,6 @@
 //! How to fold the arm around what the hand holds: the posture that keeps the robot narrowest without the load touching it.
 
+use super::approach::configured;
 use super::grasp::UNFOLD;
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::{Configuration, RobotModel};
@@ -26,8 +27,8 @@ pub(super) fn find_carry(model: &RobotModel, configuration: &Configuration) -> O
     let path = model.settings.paths.get(UNFOLD)?;
     let fold = model.find_posture(path.first()?)?;
     let side = model.find_posture(path.get(1)?)?;
-    let outside = with(model, configuration, &side);
-    let folded = with(model, configuration, &fold);
+    let outside = configured(model, configuration, &side);
+    let folded = configured(model, configuration, &fold);
     let start = model.arm.values_of(&folded);
     let mut variants: Vec<(f64, Configuration)> = Vec::new();
     for lift in LIFT_M {
@@ -67,15 +68,6 @@ fn varied(model: &RobotModel, start: &[f64], offsets: &[f64; 5]) -> Option<Vec<f
     Some(values)
 }
 
-fn with(model: &RobotModel, from: &Configuration, posture: &JointPositions) -> Configuration {
-    let mut all = from.clone();
-    all.apply(posture);
-    let arm = model.arm.values_of(&all);
-    let mut only_arm = from.clone();
-    only_arm.apply_group(&model.arm, &arm);
-    only_arm
-}
-
 fn is_free(model: &RobotModel, configuration: &Configuration) -> bool {
     let poses = model.kinematics.root_from_links(configuration);
     model.collision.self_distances(&poses, APART_M).is_empty()
@@ -104,9 +96,9 @@ mod tests {
     #[test]
     fn folds_around_a_load() {
         let model = RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter")).unwrap();
-        let ready = with(&model, &model.kinematics.zero(), &model.find_posture("ready_down").unwrap());
+        let ready = configured(&model, &model.kinematics.zero(), &model.find_posture("ready_down").unwrap());
         let empty = find_carry(&model, &ready).expect("an empty hand folds");
-        let fold = model.arm.values_of(&with(&model, &ready, &model.find_posture("carry").unwrap()));
+        let fold = model.arm.values_of(&configured(&model, &ready, &model.find_posture("carry").unwrap()));
         assert!(empty[1].values().iter().zip(&fold).all(|(a, b)| (a - b).abs() < 1e-9));
         for (size, sunk_m) in [(Vector3::new(0.1, 0.1, 0.1), 0.03), (Vector3::new(0.07, 0.07, 0.25), 0.08)] {
             let held =
@@ -114,7 +106,7 @@ mod tests {
             let holding = model.holding(&held);
             let ready = holding.with_gripper_width(ready.clone(), size.y);
             let carried = find_carry(&holding, &ready).expect("a load is carried");
-            let configuration = with(&holding, &ready, &carried[1]);
+            let configuration = configured(&holding, &ready, &carried[1]);
             assert!(is_free(&holding, &configuration));
             let radius_m = holding.radius_m(&configuration);
             assert!(radius_m < 0.36, "{size:?}: {radius_m:.3} m");

@@ -1,13 +1,12 @@
 //! Grasping: choose a place, drive there, look again, reach, look with the wrist camera, close, lift, verify twice.
 
 use super::Outcome;
-use super::approach::{Approach, find_approaches};
-use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_through, move_tool};
-use super::drive::{Drive, DriveOutcome};
+use super::approach::{Approach, come_to, find_approaches};
+use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_tool};
 use super::hold::{close, verify};
 use super::obstacles::find_obstacles;
 use super::wrist::{center_with_wrist, look_back_m, look_pose};
-use crate::agent::{Agent, Gaze, Halt};
+use crate::agent::{Agent, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
 use dsm::map::{CellState, Map, ObjectId};
@@ -121,24 +120,10 @@ fn try_grasp(
     let Some(approach) = approaches.get(attempt.min(approaches.len().saturating_sub(1))).cloned() else {
         return Ok(Err((Stage::Planning, NO_PLACE.into())));
     };
-    agent.gaze = Gaze::AHEAD;
-    let arrived = Drive::to_pose(nav, approach.unfold_at).run(agent)?;
-    if arrived != DriveOutcome::Arrived {
-        return Ok(Err((Stage::Planning, format!("the way to the object failed: {arrived:?}"))));
-    }
-    // Unfold a step back, with everything but the target in the way, and drive the last step with the arm ready.
-    agent.gaze = Gaze::Point(bounds.center);
-    let obstacles = obstacles_now(agent, id)?;
-    if let ArmOutcome::Stuck { error_m, .. } = move_through(agent, &approach.postures, &obstacles)? {
-        return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
-    }
-    if approach.step_m() > 0.01 {
-        let mut slow = nav.clone();
-        slow.follower.max_speed_m_per_s = settings.step_speed_m_per_s;
-        let arrived = Drive::to_pose(&slow, approach.stand).run(agent)?;
-        if arrived != DriveOutcome::Arrived {
-            return Ok(Err((Stage::Planning, format!("the last step to the object failed: {arrived:?}"))));
-        }
+    let obstacles = |agent: &mut Agent| obstacles_now(agent, id);
+    let step_m_per_s = settings.step_speed_m_per_s;
+    if let Err(failure) = come_to(agent, nav, &approach, "object", &bounds.center, step_m_per_s, obstacles)? {
+        return Ok(Err(failure));
     }
     // Look again from here.
     agent.rest(Span::from_s(1.2))?;

@@ -1,10 +1,9 @@
 //! Placing: fold the arm around what is held, drive to a free spot on a surface, lower, open, retreat, and look.
 
 use super::Outcome;
-use super::approach::{Approach, find_approaches};
+use super::approach::{Approach, come_to, find_approaches};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_through, move_tool};
 use super::carry::find_carry;
-use super::drive::{Drive, DriveOutcome};
 use super::grasp::{GraspSettings, back_off, finger_links, retreat, seeds};
 use super::navigate::navigate_to_object;
 use super::obstacles::find_obstacles;
@@ -185,24 +184,12 @@ fn try_place(
     };
     let at = spot.point;
     agent.note(format!("a free spot at ({:.2}, {:.2}, {:.2})", at.x, at.y, at.z));
-    agent.gaze = Gaze::AHEAD;
-    let arrived = Drive::to_pose(nav, approach.unfold_at).run(agent)?;
-    if arrived != DriveOutcome::Arrived {
-        return Ok(Err((Stage::Planning, format!("the way to the surface failed: {arrived:?}"))));
-    }
-    agent.gaze = Gaze::Point(at);
-    let world_from_base = agent.world_from_base()?;
-    let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
-    if let ArmOutcome::Stuck { error_m, .. } = move_through(agent, &approach.postures, &obstacles)? {
-        return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
-    }
-    if approach.step_m() > 0.01 {
-        let mut slow = nav.clone();
-        slow.follower.max_speed_m_per_s = settings.step_speed_m_per_s;
-        let arrived = Drive::to_pose(&slow, approach.stand).run(agent)?;
-        if arrived != DriveOutcome::Arrived {
-            return Ok(Err((Stage::Planning, format!("the last step to the surface failed: {arrived:?}"))));
-        }
+    let obstacles = |agent: &mut Agent| {
+        let world_from_base = agent.world_from_base()?;
+        obstacles_but_held(agent, &world_from_base, held)
+    };
+    if let Err(failure) = come_to(agent, nav, &approach, "surface", &at, settings.step_speed_m_per_s, obstacles)? {
+        return Ok(Err(failure));
     }
     // Look again from here, and choose the spot for where the base really stands.
     agent.rest(Span::from_s(1.2))?;
