@@ -112,6 +112,8 @@ fn fit_sphere(points: &[Point3<f64>], support_z_m: f64, top_m: f64) -> Option<(S
 }
 
 fn fit_cylinder(points: &[Point3<f64>], support_z_m: f64, top_m: f64) -> Option<(Shape, f64)> {
+    /// A handle stands out by so much at most.
+    const OUTSIDE_M: f64 = 0.04;
     // The lid is no part of the wall; without it at least half the wall must be left.
     let wall: Vec<&Point3<f64>> = points.iter().filter(|p| p.z < top_m - 0.012).collect();
     if wall.len() < 12 || top_m - support_z_m < 0.03 {
@@ -120,14 +122,17 @@ fn fit_cylinder(points: &[Point3<f64>], support_z_m: f64, top_m: f64) -> Option<
     let rows: Vec<Vec<f64>> = wall.iter().map(|p| vec![p.x, p.y]).collect();
     let (center, radius_m, residual) = fit_ball(&rows)?;
     let height_m = top_m - support_z_m;
-    let inside = points.iter().all(|p| (p.xy() - Point2::new(center[0], center[1])).norm() < radius_m + 0.025);
+    let inside = points.iter().all(|p| (p.xy() - Point2::new(center[0], center[1])).norm() < radius_m + OUTSIDE_M);
     let center = Point3::new(center[0], center[1], 0.5 * (top_m + support_z_m));
     inside.then_some((Shape::Cylinder { center, radius_m, height_m }, residual))
 }
 
-/// Circle or sphere by least squares: the algebraic solution, then Gauss-Newton on the distances. Gives centre, radius
-/// and root mean square distance.
+/// Circle or sphere that most points agree on: the algebraic solution, then Gauss-Newton on the distances, with weights
+/// that fade where a point is off by more than the others (Geman-McClure): a handle is no part of the wall. Gives
+/// centre, radius and residual (see [`residual_of`]).
 fn fit_ball(rows: &[Vec<f64>]) -> Option<(DVector<f64>, f64, f64)> {
+    const PLAIN_ROUNDS: usize = 8;
+    const ROBUST_ROUNDS: usize = 10;
     let (n, dimension) = (rows.len(), rows.first()?.len());
     let origin: DVector<f64> =
         rows.iter().fold(DVector::zeros(dimension), |sum, row| sum + DVector::from_column_slice(row)) / n as f64;
@@ -137,7 +142,13 @@ fn fit_ball(rows: &[Vec<f64>]) -> Option<(DVector<f64>, f64, f64)> {
     let solution = (system.transpose() * &system).lu().solve(&(system.transpose() * squares))?;
     let mut center = solution.rows(0, dimension).into_owned();
     let mut radius = (solution[dimension] + center.norm_squared()).max(0.0).sqrt();
-    for _ in 0..8 {
+    let off = |center: &DVector<f64>, radius: f64| DVector::from_fn(n, |i, _| (center - &local[i]).norm() - radius);
+    for round in 0..PLAIN_ROUNDS + ROBUST_ROUNDS {
+        let residuals = off(&center, radius);
+        let scale_m = (2.0 * 1.48 * quantile(residuals.iter().map(|r| r.abs()), 0.5)?).max(1e-4);
+        let weight = |i: usize| {
+            if round < PLAIN_ROUNDS { 1.0 } else { (1.0 + (residuals[i] / scale_m).powi(2)).powi(-2) }
+        };
         let jacobian = DMatrix::from_fn(n, dimension + 1, |i, j| {
             if j == dimension {
                 return -1.0;
@@ -145,16 +156,27 @@ fn fit_ball(rows: &[Vec<f64>]) -> Option<(DVector<f64>, f64, f64)> {
             let offset = &center - &local[i];
             offset[j] / offset.norm().max(1e-9)
         });
-        let residuals = DVector::from_fn(n, |i, _| (&center - &local[i]).norm() - radius);
-        let mut normal = jacobian.transpose() * &jacobian;
+        let weighted = DMatrix::from_fn(n, dimension + 1, |i, j| weight(i) * jacobian[(i, j)]);
+        let mut normal = weighted.transpose() * &jacobian;
         (0..=dimension).for_each(|i| normal[(i, i)] += 1e-9 * n as f64);
-        let step = normal.lu().solve(&(jacobian.transpose() * residuals))?;
+        let step = normal.lu().solve(&(weighted.transpose() * residuals))?;
         center -= step.rows(0, dimension);
         radius -= step[dimension];
     }
-    let squared: f64 = local.iter().map(|p| ((&center - p).norm() - radius).powi(2)).sum();
     let valid = (MIN_RADIUS_M..MAX_RADIUS_M).contains(&radius) && center.iter().all(|c| c.is_finite());
-    valid.then(|| (center + origin, radius, (squared / n as f64).sqrt()))
+    let residual = residual_of(off(&center, radius).iter().copied())?;
+    valid.then(|| (center + origin, radius, residual))
+}
+
+/// Root mean square of the smaller 85 % of the distances, metres: handles, stalks and bleeding masks are no part of the
+/// shape.
+fn residual_of(distances_m: impl Iterator<Item = f64>) -> Option<f64> {
+    const KEPT: f64 = 0.85;
+    let mut squares: Vec<f64> = distances_m.map(|d| d * d).collect();
+    squares.sort_by(f64::total_cmp);
+    squares.truncate((squares.len() as f64 * KEPT).ceil() as usize);
+    let n = squares.len();
+    (n > 0).then(|| (squares.iter().sum::<f64>() / n as f64).sqrt())
 }
 
 /// The upright box with the smallest footprint around the middle 97 % of the points, by trying 90 directions.
@@ -178,15 +200,12 @@ fn fit_block(points: &[Point3<f64>], support_z_m: f64, top_m: f64) -> Option<(Sh
     let center =
         Point3::new(middle.x * cos - middle.y * sin, middle.x * sin + middle.y * cos, 0.5 * (top_m + support_z_m));
     let size = Vector3::new(high.x - low.x, high.y - low.y, (top_m - support_z_m).max(0.002));
-    let squared: f64 = points
-        .iter()
-        .map(|p| {
-            let (x, y) = (p.x * cos + p.y * sin - middle.x, p.y * cos - p.x * sin - middle.y);
-            let sides = (0.5 * size.x - x.abs()).abs().min((0.5 * size.y - y.abs()).abs());
-            sides.min((p.z - top_m).abs()).powi(2)
-        })
-        .sum();
-    Some((Shape::Block { center, size, yaw_rad }, (squared / points.len() as f64).sqrt()))
+    let distances = points.iter().map(|p| {
+        let (x, y) = (p.x * cos + p.y * sin - middle.x, p.y * cos - p.x * sin - middle.y);
+        let sides = (0.5 * size.x - x.abs()).abs().min((0.5 * size.y - y.abs()).abs());
+        sides.min((p.z - top_m).abs())
+    });
+    Some((Shape::Block { center, size, yaw_rad }, residual_of(distances)?))
 }
 
 #[cfg(test)]
@@ -218,6 +237,31 @@ mod tests {
             Some(Shape::Cylinder { center: found, radius_m, height_m }) => {
                 assert!((radius_m - 0.033).abs() < 0.006, "{radius_m}");
                 assert!((found - center).norm() < 0.012 && (height_m - 0.12).abs() < 0.01);
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_handle_does_not_widen_a_mug() {
+        let center = Point3::new(1.0, 2.0, 0.85);
+        let all = cylinder(center, 0.04, 0.095, 0.002, 1500, 4);
+        let mut points = seen_from(&all, &center, Vector3::new(-1.0, 0.2, 0.3), 0.0);
+        let wall = points.len();
+        // The handle stands out on the seen side, at the edge of what is seen.
+        points.extend(block(
+            center + Vector3::new(-0.02, -0.05, 0.0),
+            Vector3::new(0.02, 0.03, 0.05),
+            0.3,
+            0.001,
+            120,
+            6,
+        ));
+        assert!(points.len() > wall + 50);
+        match Shape::fit(&points, 0.8025) {
+            Some(Shape::Cylinder { radius_m, center: found, .. }) => {
+                assert!((radius_m - 0.04).abs() < 0.007, "{radius_m}");
+                assert!((found.xy() - center.xy()).norm() < 0.01, "{found}");
             }
             other => panic!("{other:?}"),
         }

@@ -32,8 +32,9 @@ struct Occluder<'a> {
 
 /// A ray that passes this near to a point of an object is taken to hit it: somewhat more than half the spacing of points.
 const HIT_RADIUS_M: f64 = 0.025;
-/// How far beyond its box an object explains occupied cells: a cell and the noise of depth.
-const EXPLAINED_MARGIN_M: f64 = 0.12;
+/// How far beyond its box an object explains occupied cells: a cell's half diagonal and the noise of depth. Any more, and
+/// furniture against a wall explains the wall.
+const EXPLAINED_MARGIN_M: f64 = 0.05;
 
 impl<'a> Sight<'a> {
     /// Sight among the stable objects of `map`, without those that are the target itself (either centre in the other box, of comparable volume).
@@ -88,11 +89,14 @@ impl<'a> Sight<'a> {
         })
     }
 
-    /// Whether some object stands on the floor below the point.
+    /// Whether a ray that crosses an occupied cell at `point` passes through or over an object that stands there. What
+    /// hangs above the ray says nothing about what stands below it.
     fn is_explained(&self, point: &Point3<f64>) -> bool {
         self.objects.iter().any(|o| {
-            let inside = o.around.grown(EXPLAINED_MARGIN_M).contains(&Point3::new(point.x, point.y, o.bounds.center.z));
-            inside && o.bounds.contains(&Point3::new(point.x, point.y, o.bounds.center.z), EXPLAINED_MARGIN_M)
+            let level = Point3::new(point.x, point.y, o.bounds.center.z);
+            o.around.min.z <= point.z
+                && o.around.grown(EXPLAINED_MARGIN_M).contains(&level)
+                && o.bounds.contains(&level, EXPLAINED_MARGIN_M)
         })
     }
 }
@@ -214,6 +218,19 @@ pub(crate) mod tests {
         assert_eq!(look(2.0, 3.7), Visibility::BehindObject(ObjectId(3)));
         assert_eq!(look(6.0, 2.0), Visibility::Clear, "through the door");
         assert_eq!(look(6.0, 1.0), Visibility::BehindWall);
+    }
+
+    #[test]
+    fn furniture_and_pictures_do_not_explain_the_wall_behind_them() {
+        let dresser = boxed(1, [3.72, 1.0, 0.4], [0.44, 1.0, 0.8], &[0, 2, 3, 5]);
+        let picture = boxed(2, [3.96, 1.0, 1.6], [0.04, 0.5, 0.4], &[0]);
+        let book = boxed(3, [3.75, 1.0, 0.9], [0.04, 0.13, 0.19], &[0, 2, 5]);
+        let map = map_of(room_grid(), vec![dresser, picture, book.clone()]);
+        let costmap = Costmap::from_free_space(&map.free_space, &CostmapConfig::default());
+        let sight = Sight::among(&map, &costmap, &book.bounds);
+        let look = |x: f64| sight.check(&Point3::new(x, 1.0, 1.25), &book.bounds.center, 0.15);
+        assert_eq!(look(3.0), Visibility::Clear);
+        assert_eq!(look(4.6), Visibility::BehindWall);
     }
 
     #[test]

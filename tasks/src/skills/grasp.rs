@@ -279,10 +279,12 @@ fn choose_approaches(
     let start = Pose2::from_pose(&agent.world_from_base()?).position;
     let configuration = agent.configuration()?;
     let (nav, settings) = (nav.clone(), settings.clone());
-    agent.plan(move || {
+    let (approaches, tried) = agent.plan(move || {
         let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
         let field = Field::from_start(&costmap, &start);
-        let Some(scene) = GraspScene::from_map(&map, id, ApproachFrom::Anywhere) else { return Vec::new() };
+        let Some(scene) = GraspScene::from_map(&map, id, ApproachFrom::Anywhere) else {
+            return (Vec::new(), "the object left the map".to_owned());
+        };
         let plan = plan_grasps(&scene, &settings.planner, &|_| Some(1.0));
         let seeds = seeds(&model);
         let reach = |world_from_base: &Pose, world_from_tool: &Pose| {
@@ -291,8 +293,18 @@ fn choose_approaches(
         };
         let places = find_placements(&plan.candidates, &costmap, &field, &reach, &settings.placement);
         let stands: Vec<Pose2> = places.into_iter().map(|place| place.base).collect();
-        find_approaches(&map, &model, &costmap, &field, &configuration, &stands, id, wanted)
-    })
+        let approaches = find_approaches(&map, &model, &costmap, &field, &configuration, &stands, id, wanted);
+        let tried = format!(
+            "{} grasps (dropped: {:?}), {} places that reach one, {} ways there",
+            plan.candidates.len(),
+            plan.rejected,
+            stands.len(),
+            approaches.len()
+        );
+        (approaches, tried)
+    })?;
+    agent.log(tried);
+    Ok(approaches)
 }
 
 type Chosen = Result<(Reach, f64), (Stage, String)>;

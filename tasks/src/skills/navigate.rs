@@ -7,11 +7,13 @@ use crate::summary::Stage;
 use dsm::ground::RelationWord;
 use dsm::map::{ObjectId, RoomId};
 use dsm::time::Span;
-use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2, find_room_pose, find_view_poses};
+use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2, StandPose, find_room_pose, find_view_poses};
 use nalgebra::{Point2, Vector2};
 
 /// So many standing places are tried.
 const MAX_PLACES: usize = 4;
+/// What is hidden from one place is most likely hidden from those nearer to it than this, metres.
+const APART_M: f64 = 0.4;
 
 /// Places within this angle of the asked side count, radians.
 const SIDE_RAD: f64 = 1.05;
@@ -40,8 +42,9 @@ pub fn navigate_to_object(
     side: Option<RelationWord>,
 ) -> Result<Outcome, Halt> {
     let mut reached = false;
+    let mut tried: Vec<Point2<f64>> = Vec::new();
     let eye = Pose2::from_pose(&agent.world_from_base()?).position;
-    for attempt in 0..MAX_PLACES {
+    while tried.len() < MAX_PLACES {
         let Some(bounds) = agent.map().find_object(id).map(|o| o.bounds) else {
             return Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0)));
         };
@@ -55,11 +58,16 @@ pub fn navigate_to_object(
             places.retain(|place| lies_on_side(side, &eye, &bounds.center.xy(), &place.pose.position));
             places
         })?;
-        let Some(place) = places.get(attempt.min(places.len().saturating_sub(1))) else {
+        let is_new = |place: &&StandPose| tried.iter().all(|old| (old - place.pose.position).norm() >= APART_M);
+        let Some(place) = places.iter().find(is_new) else {
+            if !tried.is_empty() {
+                break;
+            }
             let side = side.map_or(String::new(), |side| format!(" {} it", side.phrase()));
             let reason = format!("no place{side} from which the object is seen can be reached");
             return Ok(Outcome::Failed(Stage::Planning, reason));
         };
+        tried.push(place.pose.position);
         agent.gaze = Gaze::AHEAD;
         if Drive::to_pose(nav, place.pose).run(agent)? == DriveOutcome::Arrived {
             let center = agent.map().find_object(id).map_or(bounds.center, |object| object.bounds.center);
@@ -75,7 +83,7 @@ pub fn navigate_to_object(
     Ok(match reached {
         // The map says that it is here, and no place shows it better.
         true => Outcome::Done(format!("stands before object {}, which is hidden from here", id.0)),
-        false => Outcome::Failed(Stage::Planning, format!("{MAX_PLACES} places were tried and none was reached")),
+        false => Outcome::Failed(Stage::Planning, format!("{} places were tried and none was reached", tried.len())),
     })
 }
 
