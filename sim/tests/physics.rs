@@ -267,6 +267,25 @@ fn a_grip_too_weak_for_the_weight_drops_the_object() {
 }
 
 #[test]
+fn fingers_that_lose_their_hold_do_not_shoot() {
+    // 26 N of friction against 49 N of weight: the block slides out as the hand rises.
+    let (scene, object) = grasp_world(cuboid(0.06, 0.06, 0.1), 0.1, 5.0, 0.3);
+    let mut physics = build(&scene, &start("ready_down", 0.25));
+    lift_by(&mut physics, -0.1, 1.0);
+    set_gripper(&mut physics, 0.0, 25.0);
+    run(&mut physics, 2.0);
+    let left = physics.find_joint("gripper_left_joint").unwrap();
+    let (mut fastest, mut narrowest) = (0.0_f64, f64::MAX);
+    for _ in 0..40 {
+        lift_by(&mut physics, 0.1, 0.05);
+        fastest = fastest.max(physics.joint_velocities().values()[left].abs());
+        narrowest = narrowest.min(physics.joint_positions().values()[left]);
+    }
+    assert!(position(&physics, object).z < 0.61 && narrowest < 0.02, "the block slips out: {narrowest} m");
+    assert!(fastest < 0.1, "told to close at 0.05 m/s, a finger moves at {fastest} m/s");
+}
+
+#[test]
 fn the_grip_force_never_exceeds_the_limit() {
     let (scene, _) = grasp_world(cuboid(0.06, 0.06, 0.1), 0.1, 0.4, 0.5);
     let mut physics = build(&scene, &start("ready_down", 0.15));

@@ -1,7 +1,8 @@
 //! Puts a run together: scene, robot, world, detector, judge. The only place that knows all of them.
 
 use crate::error::TaskError;
-use crate::judge::{JointBounds, Judge};
+use crate::joint_bounds::JointBounds;
+use crate::judge::Judge;
 use crate::run::RunSpec;
 use dsm::eval::Truth;
 use dsm::ground::{GroundConfig, Grounder};

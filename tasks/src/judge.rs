@@ -1,8 +1,10 @@
 //! The judge: the one place that reads ground truth. It says whether expectations hold and measures the run.
 
 use crate::episode::{Expectation, ExpectationKind};
+use crate::joint_bounds::{JointBounds, find_violations};
 use crate::summary::{
-    ContactSummary, ExpectationSummary, Metrics, PoseSummary, Stage, StepOutcome, StepSummary, TruthSummary,
+    ContactSummary, ExpectationSummary, LimitViolation, Metrics, PoseSummary, Stage, StepOutcome, StepSummary,
+    TruthSummary,
 };
 use dsm::eval::{TrueObject, TrueWorld, Truth};
 use dsm::map::Map;
@@ -18,17 +20,8 @@ const REST_SPEED_M_PER_S: f64 = 0.02;
 const MAPPED_WITHIN_M: f64 = 0.25;
 /// A contact that is not seen for this long is a new one when it comes back, seconds.
 const CONTACT_GAP_S: f64 = 0.3;
-
-/// Limits of one joint, for counting violations.
-#[derive(Clone, Debug)]
-pub struct JointBounds {
-    /// Name in the URDF.
-    pub name: String,
-    /// Lowest and highest position, radians or metres.
-    pub position: (f64, f64),
-    /// Highest speed, radians or metres per second.
-    pub speed: f64,
-}
+/// So many violations of joint limits are listed; all are counted.
+const MAX_VIOLATIONS: usize = 50;
 
 struct OpenContact {
     contact: ContactSummary,
@@ -45,6 +38,8 @@ pub struct Judge {
     last: Option<Truth>,
     path_length_m: f64,
     limit_violations: u32,
+    /// The first of them.
+    violations: Vec<LimitViolation>,
     min_clearance_m: Option<f64>,
     displacement: BTreeMap<String, f64>,
     lifted_since_s: Vec<Option<f64>>,
@@ -72,6 +67,7 @@ impl Judge {
             last: None,
             path_length_m: 0.0,
             limit_violations: 0,
+            violations: Vec::new(),
             min_clearance_m: None,
             displacement: BTreeMap::new(),
             lifted_since_s: vec![None; n],
@@ -104,20 +100,9 @@ impl Judge {
             (Some(a), Some(b)) => Some(a.min(b)),
             (a, b) => a.or(b),
         };
-        self.limit_violations += truth
-            .joints
-            .iter()
-            .filter(|joint| {
-                self.bounds.iter().any(|b| {
-                    // Contact and motor lag leave a little beyond what was commanded: 1 % of a limit, at least 5 mm or mrad.
-                    let slack = 0.005;
-                    b.name == joint.name
-                        && (joint.position < b.position.0 - slack
-                            || joint.position > b.position.1 + slack
-                            || joint.velocity.abs() > b.speed * 1.1 + 0.01)
-                })
-            })
-            .count() as u32;
+        let violations = find_violations(&self.bounds, &truth);
+        self.limit_violations += violations.len() as u32;
+        self.violations.extend(violations.into_iter().take(MAX_VIOLATIONS - self.violations.len()));
         self.follow_expectations(&truth, now_s);
         self.follow_contacts(&truth, now_s);
         self.last = Some(truth);
@@ -384,6 +369,7 @@ impl Judge {
             target_pose_start: poses(&self.first),
             target_pose_end: poses(&self.last),
             contacts: self.contacts(),
+            limit_violations: self.violations.clone(),
         }
     }
 }

@@ -18,6 +18,7 @@ pub mod episode;
 pub mod episode_generator;
 pub mod error;
 pub mod executor;
+pub mod joint_bounds;
 pub mod journal;
 pub mod judge;
 pub mod perception;

@@ -159,6 +159,19 @@ pub struct ContactSummary {
     pub approach_speed_m_per_s: f64,
 }
 
+/// A joint beyond its limits in one sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LimitViolation {
+    /// Name in the URDF.
+    pub joint: String,
+    /// When, simulated seconds.
+    pub stamp_s: f64,
+    /// Position, radians or metres.
+    pub position: f64,
+    /// Speed, radians or metres per second.
+    pub velocity: f64,
+}
+
 /// Ground truth for foreign scripts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TruthSummary {
@@ -168,6 +181,9 @@ pub struct TruthSummary {
     pub target_pose_end: Vec<PoseSummary>,
     /// Contacts of the robot with anything but the floor.
     pub contacts: Vec<ContactSummary>,
+    /// The first 50 samples in which a joint was beyond its limits.
+    #[serde(default)]
+    pub limit_violations: Vec<LimitViolation>,
 }
 
 /// The whole account of an episode.

@@ -21,6 +21,11 @@ impl<T: Copy + Default> CellGrid<T> {
         (self.origin, [self.origin[0] + self.columns as i32, self.origin[1] + self.rows as i32])
     }
 
+    /// How many columns and rows.
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.columns, self.rows)
+    }
+
     /// Index into [`Self::values`]; `None` outside.
     pub(super) fn find_index(&self, cell: [i32; 2]) -> Option<usize> {
         let column = usize::try_from(cell[0] - self.origin[0]).ok()?;

@@ -146,9 +146,13 @@ impl Drive {
             JointTarget::Position { position: goal, speed, max_effort } => {
                 let goal = goal.clamp(place.lower, place.upper);
                 let stride = speed.abs().min(place.max_speed) * dt_s;
-                let step = (goal - motor.reference).clamp(-stride, stride);
-                motor.reference += step;
-                (step / dt_s, max_effort.min(place.max_effort))
+                let max_effort = max_effort.min(place.max_effort);
+                // Not much further ahead than the effort needs, or a joint that comes free shoots after its target.
+                let lead = 1.25 * max_effort.max(0.0) / motor.gains.stiffness;
+                let before = motor.reference;
+                motor.reference = (before + (goal - before).clamp(-stride, stride))
+                    .clamp(motor.position - lead, motor.position + lead);
+                ((motor.reference - before).clamp(-stride, stride) / dt_s, max_effort)
             }
         };
         let max_effort = if motor.is_finger { max_effort.min(self.finger_max_force_n) } else { max_effort };

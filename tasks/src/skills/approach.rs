@@ -72,7 +72,8 @@ pub(super) fn come_to(
     Ok(Ok(()))
 }
 
-/// Finds how to come to the first `wanted` of the `stands` that have room for it with the arm ready.
+/// Finds how to come to the first `wanted` of the `stands` that have room for it with the arm ready. What is `held` is no
+/// obstacle; a target that is yet to be grasped is one.
 #[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
 pub fn find_approaches(
     map: &Map,
@@ -81,10 +82,10 @@ pub fn find_approaches(
     field: &Field,
     folded: &Configuration,
     stands: &[Pose2],
-    target: ObjectId,
+    held: Option<ObjectId>,
     wanted: usize,
 ) -> Vec<Approach> {
-    let way = |stand: &Pose2| find_approach(map, model, costmap, field, folded, stand, target);
+    let way = |stand: &Pose2| find_approach(map, model, costmap, field, folded, stand, held);
     stands.iter().filter_map(way).take(wanted).collect()
 }
 
@@ -95,10 +96,10 @@ fn find_approach(
     field: &Field,
     folded: &Configuration,
     stand: &Pose2,
-    target: ObjectId,
+    held: Option<ObjectId>,
 ) -> Option<Approach> {
     let ahead = Vector2::new(stand.yaw_rad.cos(), stand.yaw_rad.sin());
-    let near_stand = find_obstacles(map, &stand.to_pose(), Some(target));
+    let near_stand = find_obstacles(map, &stand.to_pose(), held);
     for back_m in BACK_M {
         let position: Point2<f64> = stand.position - ahead * back_m;
         if !costmap.is_traversable_at(&position)
@@ -108,7 +109,7 @@ fn find_approach(
             continue;
         }
         let unfold_at = Pose2 { position, yaw_rad: stand.yaw_rad };
-        let near_unfold = find_obstacles(map, &unfold_at.to_pose(), Some(target));
+        let near_unfold = find_obstacles(map, &unfold_at.to_pose(), held);
         for share in LIFT_SHARES {
             let postures = unfolding(model, share)?;
             if !is_free_along(model, folded, &postures, &near_unfold) {

@@ -120,7 +120,8 @@ fn try_grasp(
     let Some(approach) = approaches.get(attempt.min(approaches.len().saturating_sub(1))).cloned() else {
         return Ok(Err((Stage::Planning, NO_PLACE.into())));
     };
-    let obstacles = |agent: &mut Agent| obstacles_now(agent, id);
+    // The arm keeps off the object until it reaches for it.
+    let obstacles = |agent: &mut Agent| obstacles_now(agent, None);
     let step_m_per_s = settings.step_speed_m_per_s;
     if let Err(failure) = come_to(agent, nav, &approach, "object", &bounds.center, step_m_per_s, obstacles)? {
         return Ok(Err(failure));
@@ -138,7 +139,7 @@ fn try_grasp(
     let world_from_base = agent.world_from_base()?;
     let base_from_world = world_from_base.inverse();
     agent.grip(reach.grasp.opening_m, 10.0);
-    let obstacles = obstacles_now(agent, id)?;
+    let obstacles = obstacles_now(agent, Some(id))?;
     let back_m = look_back_m(agent.model(), &reach.grasp, settings);
     let free = ToolMove {
         goal: base_from_world * look_pose(&reach.grasp, settings, back_m),
@@ -231,9 +232,9 @@ fn try_grasp(
     verify(agent, settings, &before, lifted)
 }
 
-fn obstacles_now(agent: &mut Agent, id: ObjectId) -> Result<Vec<Obstacle>, Halt> {
+fn obstacles_now(agent: &mut Agent, target: Option<ObjectId>) -> Result<Vec<Obstacle>, Halt> {
     let world_from_base = agent.world_from_base()?;
-    Ok(find_obstacles(agent.map(), &world_from_base, Some(id)))
+    Ok(find_obstacles(agent.map(), &world_from_base, target))
 }
 
 pub(super) fn finger_links(model: &RobotModel) -> Vec<dsm_robot::model::LinkId> {
@@ -293,7 +294,7 @@ fn choose_approaches(
         };
         let places = find_placements(&plan.candidates, &costmap, &field, &reach, &settings.placement);
         let stands: Vec<Pose2> = places.into_iter().map(|place| place.base).collect();
-        let approaches = find_approaches(&map, &model, &costmap, &field, &configuration, &stands, id, wanted);
+        let approaches = find_approaches(&map, &model, &costmap, &field, &configuration, &stands, None, wanted);
         let tried = format!(
             "{} grasps (dropped: {:?}), {} places that reach one, {} ways there",
             plan.candidates.len(),

@@ -352,7 +352,8 @@ fn choose_stands(
             let stands = stands_around(&costmap, &field, &spot.point.xy());
             let stands: Vec<Pose2> = stands.into_iter().take(MAX_STANDS).filter(reaches).collect();
             let all = stands.len();
-            let approaches = find_approaches(&map, &model, &costmap, &field, &configuration, &stands, held.id, all);
+            let approaches =
+                find_approaches(&map, &model, &costmap, &field, &configuration, &stands, Some(held.id), all);
             let raised = approaches.into_iter().filter_map(|approach| {
                 let bottom_m = spot.point.z + held.tool_above_bottom_m;
                 Some((spot, raised_over(&model, &configuration, approach, bottom_m + 0.08)?))

@@ -109,7 +109,10 @@ fn look_with_wrist(
     let refinement = refine_grasp(grasp, &points, support_z_m, &settings.planner);
     let (said, result) = match refinement {
         Refinement::Refined { grasp, shift_m } => {
-            (format!("moves the grasp by {:.0} mm", 1e3 * shift_m), Ok((grasp, shift_m)))
+            let at = grasp.world_from_tool.translation;
+            let width_mm = 1e3 * grasp.width_m;
+            let place = format!("to ({:.3}, {:.3}, {:.3}), {width_mm:.0} mm wide", at.x, at.y, at.z);
+            (format!("moves the grasp by {:.0} mm {place}", 1e3 * shift_m), Ok((grasp, shift_m)))
         }
         Refinement::NotSeen => {
             ("does not see the object".into(), Err((Stage::Grasp, "the wrist camera does not see the object".into())))
