@@ -2,7 +2,8 @@
 
 use super::answer::ReferenceFrame;
 use crate::Pose;
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, intersection_area_m2};
+
 use crate::knowledge::{Category, Knowledge};
 use crate::map::{CellState, Map, MapObject, ObjectId, RelationKind, Room};
 use nalgebra::{Point2, Point3, Vector2};
@@ -102,6 +103,24 @@ impl<'a> Scene<'a> {
     pub(super) fn stored(&self, from: usize, to: usize, kind: RelationKind) -> f32 {
         let edges = self.edges[from].iter().filter(|edge| edge.0 == to && edge.1 == kind);
         edges.map(|edge| edge.2).fold(0.0, f32::max)
+    }
+
+    /// Whether an item is most likely a second entry of another one: seen a few times only, where a well-known thing
+    /// stands. A map in the making holds such entries until they are merged or die.
+    pub(super) fn is_glimpsed_double(&self, item: usize, of: usize) -> bool {
+        const FEW: u32 = 8;
+        const TIMES: u32 = 8;
+        const COMMON_SHARE: f64 = 0.5;
+        const GAP_M: f64 = 0.1;
+        let (double, known) = (self.items[item].object, self.items[of].object);
+        if double.observations >= FEW || known.observations < TIMES * double.observations {
+            return false;
+        }
+        let (a, b) = (&double.bounds, &known.bounds);
+        let outline = a.footprint();
+        let common = intersection_area_m2(&outline, &b.footprint());
+        let area = intersection_area_m2(&outline, &outline);
+        common > COMMON_SHARE * area && a.bottom_m() < b.top_m() + GAP_M && b.bottom_m() < a.top_m() + GAP_M
     }
 
     /// Where the viewer stands; without one, the middle of the map.

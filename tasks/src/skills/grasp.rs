@@ -367,6 +367,8 @@ pub(super) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
 
 /// Drives straight back, as far as the map says that there is floor.
 pub(super) fn back_off(agent: &mut Agent, distance_m: f64, speed_m_per_s: f64) -> Result<(), Halt> {
+    /// Floor that must be left behind the base: localisation wanders by 3 cm, and braking takes one.
+    const GAP_M: f64 = 0.06;
     let still = JointVelocities::zeros(&agent.model().arm.joints);
     let start = agent.odom_from_base()?;
     let radius_m = agent.model().settings.base.footprint_radius_m;
@@ -374,8 +376,14 @@ pub(super) fn back_off(agent: &mut Agent, distance_m: f64, speed_m_per_s: f64) -
     while (agent.now() - begin).as_s() < 1.5 * distance_m / speed_m_per_s {
         let gone_m = (agent.odom_from_base()?.translation.vector - start.translation.vector).norm();
         let world_from_base = agent.world_from_base()?;
-        let behind = world_from_base * Point3::new(-radius_m - 0.08, 0.0, 0.0);
-        let free = agent.map().free_space.state_at(&Point2::new(behind.x, behind.y)) == CellState::Free;
+        let map = agent.map();
+        let is_floor = |angle_rad: f64| {
+            let reach_m = radius_m + GAP_M;
+            let behind = world_from_base * Point3::new(-reach_m * angle_rad.cos(), reach_m * angle_rad.sin(), 0.0);
+            map.free_space.state_at(&behind.xy()) == CellState::Free
+        };
+        // All that the base sweeps, every few centimetres.
+        let free = (-6..=6).all(|i| is_floor(f64::from(i) * 0.18));
         if gone_m >= distance_m || !free {
             break;
         }

@@ -256,3 +256,15 @@ fn the_floor_and_walls_are_no_objects() {
     let told = "this is a ball. it is on the floor. there is a table to the left of it. the table is brown.";
     assert_found(&ground(&map, told), 3, "several sentences");
 }
+
+#[test]
+fn a_glimpsed_double_is_no_rival() {
+    let table = || thing(1, "coffee table", [0.0, 0.0, 0.23], [0.5, 0.72, 0.44]).seen(180);
+    let shifted = || thing(2, "coffee table", [-0.08, 0.13, 0.48], [0.38, 0.74, 0.07]);
+    assert_found(&ground(&map_of([table(), shifted().seen(3)]), "the coffee table"), 1, "glimpsed");
+    // One that is seen as well is a thing of its own, and so is one that stands elsewhere.
+    let ambiguous = GroundingStatus::Ambiguous;
+    assert_status(&ground(&map_of([table(), shifted().seen(60)]), "the coffee table"), ambiguous, "well seen");
+    let aside = thing(2, "coffee table", [2.0, 0.0, 0.23], [0.5, 0.72, 0.44]).seen(3);
+    assert_status(&ground(&map_of([table(), aside]), "the coffee table"), ambiguous, "elsewhere");
+}

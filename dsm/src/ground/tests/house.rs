@@ -76,6 +76,11 @@ impl Thing {
         self
     }
 
+    pub(super) fn seen(mut self, observations: u32) -> Self {
+        self.0.observations = observations;
+        self
+    }
+
     pub(super) fn provisional(mut self) -> Self {
         self.0.state = ObjectState::Provisional;
         self
