@@ -80,7 +80,7 @@ fn finished(name: &str) -> Finished {
 }
 
 fn page_of(name: &str) -> String {
-    page(&finished(name), &Timing { wall_s: 10.0, sim_time_s: 20.0, real_time_factor: 2.0 })
+    page(&finished(name), &Timing { wall_s: 10.0, report_s: 0.5, sim_time_s: 20.0, real_time_factor: 2.0 })
 }
 
 /// Names of all elements in order, closing ones with a slash.

@@ -15,6 +15,7 @@ mod controller;
 mod ik;
 pub mod joint_limit;
 mod joint_move;
+mod joint_path;
 pub mod manipulability;
 pub mod pose_task;
 pub mod posture_task;
@@ -25,6 +26,7 @@ pub use config::ControllerConfig;
 pub use controller::Controller;
 pub use ik::{IkRequest, find_ik};
 pub use joint_move::JointMove;
+pub use joint_path::{PathRequest, find_joint_path};
 pub use pose_task::ToolGoal;
 
 use crate::joints::JointVelocities;

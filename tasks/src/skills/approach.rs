@@ -7,16 +7,20 @@ use super::obstacles::find_obstacles;
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
 use dsm::map::{Map, ObjectId};
+use dsm_robot::control::{IkRequest, PathRequest, find_ik, find_joint_path};
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::collision::Obstacle;
 use dsm_robot::model::{Configuration, RobotModel};
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
-use nalgebra::{Point2, Point3, Vector2};
+use nalgebra::{Point2, Point3, Translation3, Vector2};
 
 /// Steps back that are tried, metres.
 const BACK_M: [f64; 7] = [0.0, 0.25, 0.4, 0.55, 0.7, 0.9, 1.1];
 /// Heights of the lift that are tried for the last step, as shares of its range.
 const LIFT_SHARES: [f64; 3] = [0.45, 0.75, 1.0];
+/// Where the hand is held when things on a high surface leave no room for it at the ready posture with the lift raised:
+/// forward and up from there, metres.
+const RAISED_M: [(f64, f64); 4] = [(0.0, 0.12), (-0.06, 0.2), (-0.1, 0.3), (-0.16, 0.3)];
 /// Distance that the arm keeps from obstacles in the plan, metres.
 const MARGIN_M: f64 = 0.03;
 /// Samples of each motion.
@@ -85,16 +89,19 @@ pub fn find_approaches(
     held: Option<ObjectId>,
     wanted: usize,
 ) -> Vec<Approach> {
-    let way = |stand: &Pose2| find_approach(map, model, costmap, field, folded, stand, held);
+    let unfoldings = find_unfoldings(model, folded);
+    let way = |stand: &Pose2| find_approach(map, model, costmap, field, folded, &unfoldings, stand, held);
     stands.iter().filter_map(way).take(wanted).collect()
 }
 
+#[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
 fn find_approach(
     map: &Map,
     model: &RobotModel,
     costmap: &Costmap,
     field: &Field,
     folded: &Configuration,
+    unfoldings: &[Vec<JointPositions>],
     stand: &Pose2,
     held: Option<ObjectId>,
 ) -> Option<Approach> {
@@ -110,9 +117,8 @@ fn find_approach(
         }
         let unfold_at = Pose2 { position, yaw_rad: stand.yaw_rad };
         let near_unfold = find_obstacles(map, &unfold_at.to_pose(), held);
-        for share in LIFT_SHARES {
-            let postures = unfolding(model, share)?;
-            if !is_free_along(model, folded, &postures, &near_unfold) {
+        for postures in unfoldings {
+            if !is_free_along(model, folded, postures, &near_unfold) {
                 continue;
             }
             // The last step, with the obstacles seen from the stand moved by what is left of the way.
@@ -122,11 +128,30 @@ fn find_approach(
                 !collides(model, &ready, &shifted(&near_stand, left_m))
             });
             if clear {
-                return Some(Approach { unfold_at, stand: *stand, postures });
+                return Some(Approach { unfold_at, stand: *stand, postures: postures.clone() });
             }
         }
     }
     None
+}
+
+/// Ways to unfold: to ready at several heights of the lift, then with the hand above that.
+fn find_unfoldings(model: &RobotModel, folded: &Configuration) -> Vec<Vec<JointPositions>> {
+    let mut all: Vec<Vec<JointPositions>> = LIFT_SHARES.iter().filter_map(|&share| unfolding(model, share)).collect();
+    let Some(highest) = all.last().cloned() else { return all };
+    let Some(last) = highest.last() else { return all };
+    let ready = configured(model, folded, last);
+    let base_from_tool = model.kinematics.root_from_link(&ready, model.tool);
+    for (forward_m, up_m) in RAISED_M {
+        let goal = Translation3::new(forward_m, 0.0, up_m) * base_from_tool;
+        let request = IkRequest { restarts: 0, ..IkRequest::new(&ready) };
+        let Some(joints) = find_ik(model, &goal, &request) else { continue };
+        // Along the way nothing but the robot itself is checked here; obstacles are where it unfolds.
+        if find_joint_path(model, &joints, &PathRequest::new(&ready)).is_some_and(|path| path.len() == 1) {
+            all.push(highest.iter().cloned().chain([joints]).collect());
+        }
+    }
+    all
 }
 
 /// The postures from the fold to ready, with the lift at a share of its range in the last one.
@@ -189,7 +214,7 @@ fn shifted(obstacles: &[Obstacle], left_m: f64) -> Vec<Obstacle> {
     let moved = |obstacle: &Obstacle| match obstacle {
         Obstacle::Ball { center_in_base, radius_m, .. } => Obstacle::still_ball(center_in_base + shift, *radius_m),
         Obstacle::Box { base_from_box, half_size_m, .. } => {
-            Obstacle::still_box(nalgebra::Translation3::from(shift) * base_from_box, *half_size_m)
+            Obstacle::still_box(Translation3::from(shift) * base_from_box, *half_size_m)
         }
     };
     obstacles.iter().map(moved).collect()

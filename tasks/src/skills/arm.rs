@@ -4,7 +4,10 @@ use crate::agent::{Agent, Halt};
 use crate::journal::ControlSample;
 use dsm::Pose;
 use dsm::time::Span;
-use dsm_robot::control::{ControlOutput, ControlStatus, Controller, ControllerConfig, JointMove, ToolGoal};
+use dsm_robot::control::{
+    ControlOutput, ControlStatus, Controller, ControllerConfig, IkRequest, JointMove, PathRequest, ToolGoal, find_ik,
+    find_joint_path,
+};
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::LinkId;
@@ -145,6 +148,35 @@ pub fn move_tool(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<ArmOutcome,
             return Ok(outcome);
         }
     }
+}
+
+/// Moves the tool to a pose; where the controller is held up on the way, by a planned path around what holds it up.
+pub fn move_tool_around(agent: &mut Agent, motion: &ToolMove<'_>, good_enough: (f64, f64)) -> Result<ArmOutcome, Halt> {
+    let outcome = move_tool(agent, motion)?;
+    match outcome {
+        ArmOutcome::Stuck { error_m, error_rad } if error_m > good_enough.0 || error_rad > good_enough.1 => {}
+        _ => return Ok(outcome),
+    }
+    let Some(path) = plan_around(agent, motion)? else { return Ok(outcome) };
+    agent.log(format!("goes around by {} way points", path.len()));
+    move_through(agent, &path, motion.obstacles)?;
+    move_tool(agent, motion)
+}
+
+/// A path of postures to joints for the pose; wide of the obstacles if that can be had.
+fn plan_around(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<Option<Vec<JointPositions>>, Halt> {
+    const MARGINS_M: [f64; 2] = [0.03, 0.017];
+    let (model, configuration) = (agent.model().clone(), agent.configuration()?);
+    let (goal, obstacles) = (motion.goal, motion.obstacles.to_vec());
+    let seeds: Vec<JointPositions> = motion.posture.into_iter().cloned().collect();
+    agent.plan(move || {
+        MARGINS_M.iter().find_map(|&margin_m| {
+            let ik = IkRequest { seeds: &seeds, obstacles: &obstacles, margin_m, ..IkRequest::new(&configuration) };
+            let joints = find_ik(&model, &goal, &ik)?;
+            let request = PathRequest { obstacles: &obstacles, margin_m, ..PathRequest::new(&configuration) };
+            find_joint_path(&model, &joints, &request)
+        })
+    })
 }
 
 fn margins(output: &ControlOutput) -> ControlSample {

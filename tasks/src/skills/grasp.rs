@@ -2,13 +2,14 @@
 
 use super::Outcome;
 use super::approach::{Approach, come_to, find_approaches};
-use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_tool};
+use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_tool, move_tool_around};
 use super::hold::{close, verify};
 use super::obstacles::find_obstacles;
 use super::wrist::{center_with_wrist, look_back_m, look_pose};
 use crate::agent::{Agent, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
+use dsm::geometry::OrientedBox;
 use dsm::map::{CellState, Map, ObjectId};
 use dsm::time::Span;
 use dsm_robot::control::{IkRequest, find_ik};
@@ -19,7 +20,7 @@ use dsm_robot::grasp::{
 use dsm_robot::joints::{JointPositions, JointVelocities};
 use dsm_robot::model::collision::Obstacle;
 use dsm_robot::model::{Configuration, RobotModel};
-use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
+use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2, Sight, Visibility};
 use nalgebra::{Point2, Point3, Translation3};
 
 /// Parameters of the grasp skill.
@@ -66,6 +67,9 @@ const READY: [&str; 2] = ["ready_down", "ready_front"];
 const MAX_ENTRIES: usize = 2;
 /// Fingers that go in and come no nearer for so long stand on something.
 const TOUCHED_AFTER: Span = Span(300_000_000);
+
+/// Over what stands lower than this the arm reaches, metres.
+const ARM_OVER_M: f64 = 1.3;
 
 /// Why a grasp is not even tried.
 const NO_PLACE: &str = "no place from which the object can be reached";
@@ -160,7 +164,7 @@ fn try_grasp(
         1e3 * reach.grasp.width_m
     ));
     // The place to look from lies behind the pregrasp, for which the reach was checked: near it is good enough.
-    if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &free)?
+    if let ArmOutcome::Stuck { error_m, error_rad } = move_tool_around(agent, &free, (back_m, 0.2))?
         && (error_m > back_m || error_rad > 0.2)
     {
         return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the pregrasp"))));
@@ -288,7 +292,17 @@ fn choose_approaches(
         };
         let plan = plan_grasps(&scene, &settings.planner, &|_| Some(1.0));
         let seeds = seeds(&model);
+        let target = map.find_object(id).map(|object| object.bounds);
+        let sight = target.map(|bounds| (Sight::among(&map, &costmap, &bounds), bounds));
         let reach = |world_from_base: &Pose, world_from_tool: &Pose| {
+            // No arm reaches through a wall.
+            let over = world_from_base * Point3::new(0.0, 0.0, ARM_OVER_M);
+            let walled = |(sight, bounds): &(Sight<'_>, OrientedBox)| {
+                sight.check(&over, &bounds.center, 0.5 * bounds.size.norm()) == Visibility::BehindWall
+            };
+            if sight.as_ref().is_some_and(walled) {
+                return None;
+            }
             let goal = world_from_base.inverse() * world_from_tool;
             find_reach(&model, &configuration, &seeds, &[], &goal, &settings.planner).map(|_| 1.0)
         };

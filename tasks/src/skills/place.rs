@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::approach::{Approach, come_to, find_approaches};
-use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_through, move_tool};
+use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_through, move_tool, move_tool_around};
 use super::carry::find_carry;
 use super::grasp::{GraspSettings, back_off, finger_links, retreat, seeds};
 use super::navigate::navigate_to_object;
@@ -218,7 +218,7 @@ fn try_place(
             posture: Some(&joints),
             give_up_after: STUCK_AFTER,
         };
-        if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &way)?
+        if let ArmOutcome::Stuck { error_m, error_rad } = move_tool_around(agent, &way, (tolerance_m, 0.2))?
             && (error_m > tolerance_m || error_rad > 0.2)
         {
             return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the spot"))));
