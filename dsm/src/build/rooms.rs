@@ -4,8 +4,8 @@ use super::cell_grid::CellGrid;
 use super::config::BuildConfig;
 use super::occupancy::Occupancy;
 use super::outline::outline;
-use crate::knowledge::Knowledge;
-use crate::map::{CellState, FreeSpace, MapObject, Room, RoomId, Votes};
+use crate::knowledge::{Category, Knowledge};
+use crate::map::{CellState, FreeSpace, MapObject, Room, RoomId};
 use crate::time::{Span, Stamp};
 use nalgebra::Point2;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -111,16 +111,12 @@ impl RoomSegmenter {
         clearance: &[f64],
         objects: impl Iterator<Item = &'a MapObject>,
     ) -> Vec<Room> {
-        let mut names: BTreeMap<u32, Votes> = BTreeMap::new();
+        let mut things: BTreeMap<u32, Vec<(&Category, f32)>> = BTreeMap::new();
         for object in objects {
-            let (Some(room), Some(category)) =
-                (self.find_room(free, &object.bounds.center.xy()), knowledge.find(object.name()))
-            else {
-                continue;
-            };
-            // A thing found in many kinds of room says little about any of them.
-            let weight = object.confidence() / category.rooms.len().max(1) as f32;
-            category.rooms.iter().for_each(|name| names.entry(room.0 + 1).or_default().add(name, weight));
+            let room = self.find_room(free, &object.bounds.center.xy());
+            if let (Some(room), Some(category)) = (room, knowledge.find(object.name())) {
+                things.entry(room.0 + 1).or_default().push((category, object.confidence()));
+            }
         }
         let mut rooms: BTreeMap<u32, Region> = BTreeMap::new();
         for (index, &label) in self.labels.values().iter().enumerate().filter(|(_, label)| **label > 0) {
@@ -140,11 +136,11 @@ impl RoomSegmenter {
             .into_iter()
             .map(|(label, Region { cells, center, beside })| Room {
                 id: RoomId(label - 1),
-                name: names
+                name: things
                     .get(&label)
-                    .filter(|votes| votes.total() >= 0.5)
-                    .and_then(Votes::find_winner)
-                    .map_or_else(|| "room".to_owned(), |(name, _)| name.to_owned()),
+                    .and_then(|things| knowledge.find_room_name(things.iter().copied()))
+                    .unwrap_or("room")
+                    .to_owned(),
                 center: free.center_of(self.labels.cell_of(center)),
                 area_m2: cells.len() as f64 * free.resolution_m * free.resolution_m,
                 polygon: outline(&cells, free.resolution_m),

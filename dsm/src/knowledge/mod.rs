@@ -6,6 +6,7 @@
 
 mod category;
 mod lookup;
+mod room_names;
 mod table;
 mod wording;
 mod words;

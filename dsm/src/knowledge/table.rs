@@ -63,6 +63,7 @@ struct WordTable {
     weights: BTreeMap<String, WordRow>,
     rooms: BTreeMap<String, WordRow>,
     purposes: BTreeMap<String, WordRow>,
+    room_marks: BTreeMap<String, Vec<String>>,
 }
 
 #[derive(Deserialize)]
@@ -133,5 +134,6 @@ pub(super) fn read_words(text: &str) -> Result<Words, KnowledgeError> {
         weights: list(table.weights),
         rooms: list(table.rooms),
         purposes: list(table.purposes),
+        room_marks: table.room_marks,
     })
 }

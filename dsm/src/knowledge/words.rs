@@ -40,6 +40,8 @@ pub struct Words {
     pub rooms: WordList,
     /// Purposes: `sit`, `drink`, ... as in [`super::Category::uses`].
     pub purposes: WordList,
+    /// Categories of which a room of a name rarely has none.
+    pub room_marks: BTreeMap<String, Vec<String>>,
 }
 
 impl WordList {
