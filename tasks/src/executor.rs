@@ -6,8 +6,9 @@ use crate::skills::Outcome;
 use crate::skills::drive::{Drive, DriveOutcome};
 use crate::skills::explore::{Explorer, Interest};
 use crate::skills::grasp::{GraspSettings, grasp};
+use crate::skills::held::{Held, Standing, carry, carrying};
 use crate::skills::navigate::{navigate_to_object, navigate_to_room};
-use crate::skills::place::{Held, Standing, carry, carrying, place};
+use crate::skills::place::place;
 use crate::skills::search::{Thoroughness, search};
 use crate::summary::{Failure, Stage, StepOutcome, StepSummary};
 use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, parse_command};
@@ -275,8 +276,8 @@ impl Executor {
         destination: Option<&Grounding>,
         start: Pose2,
     ) -> Result<Outcome, Halt> {
-        let nav = carrying(agent, &self.nav)?;
         let Some(destination) = destination else {
+            let nav = carrying(agent, &self.nav, &[start.position])?;
             return Ok(match Drive::to_place(&nav, start.position).run(agent)? {
                 DriveOutcome::Arrived => Outcome::Done("brought to where the command was given".into()),
                 other => Outcome::Failed(Stage::Planning, format!("the way back failed: {other:?}")),
@@ -285,7 +286,7 @@ impl Executor {
         let Some(surface) = destination.object_id else {
             return Ok(Outcome::Failed(Stage::Grounding, "a room is not a surface; name one in it".into()));
         };
-        let outcome = place(agent, &nav, &self.grasping, held, surface)?;
+        let outcome = place(agent, &self.nav, &self.grasping, held, surface)?;
         if agent.held().is_none() {
             self.held = None;
         }

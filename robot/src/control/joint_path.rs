@@ -16,8 +16,7 @@ pub struct PathRequest<'a> {
     pub start: &'a Configuration,
     /// Obstacles in the base frame.
     pub obstacles: &'a [Obstacle],
-    /// Distance to keep from obstacles in m; default 0.01. Where the start or the goal is nearer, a share of it, down to
-    /// touching, must do.
+    /// Distance to keep from obstacles in m; default 0.01. Around a start that is nearer, a share of it must do.
     pub margin_m: f64,
     /// Nodes of both trees together; default 1500.
     pub max_nodes: usize,
@@ -40,6 +39,8 @@ const CHECK: f64 = 0.06;
 const SHORTCUTS: usize = 40;
 /// Distance kept from own links in m.
 const SELF_MARGIN_M: f64 = 0.005;
+/// How far from the start, in the norm of all joints, its own distance from obstacles will do, rad or m.
+const NEAR_START: f64 = 0.3;
 /// Share of random nodes that lean towards the other tree's root.
 const TO_ROOT: f64 = 0.1;
 
@@ -51,23 +52,27 @@ pub fn find_joint_path(
     goal: &JointPositions,
     request: &PathRequest<'_>,
 ) -> Option<Vec<JointPositions>> {
+    let start = model.arm.values_of(request.start);
     let mut space = Space {
         model,
         request,
         moved: model.arm_links(),
-        margin_m: request.margin_m,
+        start_margin_m: request.margin_m,
+        start: start.clone(),
         configuration: request.start.clone(),
     };
-    let start = model.arm.values_of(request.start);
     let value = |k: usize| goal.find(&model.arm.joints[k]).unwrap_or(start[k]);
     let goal: Vec<f64> = (0..start.len()).map(value).collect();
     // A motion that is held up stands at the distance at which it was stopped.
     const SHARES: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
     let fits = |share: &&f64| {
-        space.margin_m = **share * request.margin_m;
-        space.is_free(&start) && space.is_free(&goal)
+        space.start_margin_m = **share * request.margin_m;
+        space.is_free(&start)
     };
     SHARES.iter().find(fits)?;
+    if !space.is_free(&goal) {
+        return None;
+    }
     let mut path = if space.is_way_free(&start, &goal) {
         vec![start, goal]
     } else {
@@ -83,7 +88,9 @@ struct Space<'a> {
     model: &'a RobotModel,
     request: &'a PathRequest<'a>,
     moved: Vec<LinkId>,
-    margin_m: f64,
+    /// Margin within [`NEAR_START`] of the start.
+    start_margin_m: f64,
+    start: Vec<f64>,
     configuration: Configuration,
 }
 
@@ -122,8 +129,9 @@ impl Space<'_> {
     fn is_free(&mut self, values: &[f64]) -> bool {
         self.configuration.apply_group(&self.model.arm, values);
         let poses = self.model.kinematics.root_from_links(&self.configuration);
-        let Self { request, moved, margin_m, .. } = self;
-        !self.model.collision.collides(&poses, request.obstacles, moved, *margin_m, SELF_MARGIN_M)
+        let is_near = distance(values, &self.start) < NEAR_START;
+        let margin_m = if is_near { self.start_margin_m } else { self.request.margin_m };
+        !self.model.collision.collides(&poses, self.request.obstacles, &self.moved, margin_m, SELF_MARGIN_M)
     }
 
     /// Whether the straight way between two free ends is free.

@@ -19,6 +19,10 @@ pub const STUCK_AFTER: Span = Span(800_000_000);
 const NEAR_ENOUGH_RAD: f64 = 0.4;
 /// Greatest joint error with which a posture on the way counts as passed, radians or metres.
 const PASSED_RAD: f64 = 0.12;
+/// Distances from obstacles of a planned way, the best first, metres.
+const MARGINS_M: [f64; 2] = [0.03, 0.017];
+/// Share of the joints' speed on a planned way: it sweeps wide, and what the map does not hold is met slowly.
+const AROUND_SHARE: f64 = 0.3;
 /// Improvement that counts for a joint motion, radians or metres.
 const JOINT_PROGRESS: f64 = 0.03;
 /// Improvement that counts for a motion of the tool, metres.
@@ -62,8 +66,18 @@ impl Watch {
 
 /// Moves the arm group to joint values; joints not named stay.
 pub fn move_joints(agent: &mut Agent, goal: &JointPositions, obstacles: &[Obstacle]) -> Result<ArmOutcome, Halt> {
+    let config = agent.model().settings.control.clone();
+    move_joints_by(agent, goal, obstacles, config)
+}
+
+fn move_joints_by(
+    agent: &mut Agent,
+    goal: &JointPositions,
+    obstacles: &[Obstacle],
+    config: ControllerConfig,
+) -> Result<ArmOutcome, Halt> {
     let model = agent.model().clone();
-    let mut motion = JointMove::new(&model, &model.arm, goal, model.settings.control.clone());
+    let mut motion = JointMove::new(&model, &model.arm, goal, config);
     let mut watch = Watch::new(agent.now().as_s(), JOINT_PROGRESS, STUCK_AFTER);
     loop {
         let state = agent.arm_state()?;
@@ -158,14 +172,46 @@ pub fn move_tool_around(agent: &mut Agent, motion: &ToolMove<'_>, good_enough: (
         _ => return Ok(outcome),
     }
     let Some(path) = plan_around(agent, motion)? else { return Ok(outcome) };
-    agent.log(format!("goes around by {} way points", path.len()));
-    move_through(agent, &path, motion.obstacles)?;
+    follow_slowly(agent, &path, motion.obstacles)?;
     move_tool(agent, motion)
+}
+
+/// Moves the arm group to joint values by a planned path around obstacles.
+pub fn move_joints_around(
+    agent: &mut Agent,
+    goal: &JointPositions,
+    obstacles: &[Obstacle],
+) -> Result<ArmOutcome, Halt> {
+    let (model, configuration) = (agent.model().clone(), agent.configuration()?);
+    let (target, around) = (goal.clone(), obstacles.to_vec());
+    let path = agent.plan(move || {
+        MARGINS_M.iter().find_map(|&margin_m| {
+            let request = PathRequest { obstacles: &around, margin_m, ..PathRequest::new(&configuration) };
+            find_joint_path(&model, &target, &request)
+        })
+    })?;
+    if let Some(path) = path {
+        follow_slowly(agent, &path, obstacles)?;
+    }
+    move_joints(agent, goal, obstacles)
+}
+
+fn follow_slowly(agent: &mut Agent, path: &[JointPositions], obstacles: &[Obstacle]) -> Result<(), Halt> {
+    agent.log(format!("goes around by {} way points", path.len()));
+    let config = agent.model().settings.control.clone();
+    let config = ControllerConfig { velocity_share: AROUND_SHARE * config.velocity_share, ..config };
+    for posture in path {
+        if let ArmOutcome::Stuck { error_m, .. } = move_joints_by(agent, posture, obstacles, config.clone())?
+            && error_m > PASSED_RAD
+        {
+            break;
+        }
+    }
+    Ok(())
 }
 
 /// A path of postures to joints for the pose; wide of the obstacles if that can be had.
 fn plan_around(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<Option<Vec<JointPositions>>, Halt> {
-    const MARGINS_M: [f64; 2] = [0.03, 0.017];
     let (model, configuration) = (agent.model().clone(), agent.configuration()?);
     let (goal, obstacles) = (motion.goal, motion.obstacles.to_vec());
     let seeds: Vec<JointPositions> = motion.posture.into_iter().cloned().collect();

@@ -21,7 +21,7 @@ use dsm_robot::joints::{JointPositions, JointVelocities};
 use dsm_robot::model::collision::Obstacle;
 use dsm_robot::model::{Configuration, RobotModel};
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2, Sight, Visibility};
-use nalgebra::{Point2, Point3, Translation3};
+use nalgebra::{Point2, Point3, Translation3, Vector2, Vector3};
 
 /// Parameters of the grasp skill.
 #[derive(Clone, Debug, PartialEq)]
@@ -224,16 +224,45 @@ fn try_grasp(
         return Ok(Err((Stage::Grasp, format!("the fingers closed to {:.0} mm: nothing between them", 1e3 * width_m))));
     }
     let before = points_of(agent.map(), id);
-    let up = ToolMove {
-        goal: Translation3::new(0.0, 0.0, settings.planner.lift_m) * base_from_grasp,
-        obstacles: &[],
+    let lifted = lift(agent, settings, &base_from_grasp, &reach.joints, &obstacles)?;
+    verify(agent, settings, &before, lifted)
+}
+
+/// Lifts; where something is above the arm, out to the front first: on a shelf there is no room to lift.
+fn lift(
+    agent: &mut Agent,
+    settings: &GraspSettings,
+    base_from_grasp: &Pose,
+    joints: &JointPositions,
+    obstacles: &[Obstacle],
+) -> Result<ArmOutcome, Halt> {
+    const OUT_M: f64 = 0.25;
+    const LEFT_M: f64 = 0.03;
+    let fingers = finger_links(agent.model());
+    let up = Translation3::new(0.0, 0.0, settings.planner.lift_m);
+    let way = |goal: Pose| ToolMove {
+        goal,
+        obstacles,
         touching: &fingers,
         speed_m_per_s: settings.approach_speed_m_per_s,
-        posture: Some(&reach.joints),
+        posture: Some(joints),
         give_up_after: STUCK_AFTER,
     };
-    let lifted = move_tool(agent, &up)?;
-    verify(agent, settings, &before, lifted)
+    let lifted = move_tool(agent, &way(up * base_from_grasp))?;
+    let ArmOutcome::Stuck { error_m, .. } = lifted else { return Ok(lifted) };
+    if error_m < LEFT_M {
+        return Ok(lifted);
+    }
+    agent.log(format!("{error_m:.2} m short of the lift: out to the front first"));
+    let configuration = agent.configuration()?;
+    let model = agent.model().clone();
+    let tool_now = model.kinematics.root_from_link(&configuration, model.tool);
+    let back = -(base_from_grasp.rotation * Vector3::z()).xy();
+    let back = back.try_normalize(0.2).unwrap_or_else(|| -Vector2::x()) * OUT_M;
+    let out = Translation3::new(back.x, back.y, 0.0) * tool_now;
+    move_tool(agent, &way(out))?;
+    let above = Translation3::new(back.x, back.y, settings.planner.lift_m) * base_from_grasp;
+    move_tool(agent, &way(above))
 }
 
 fn obstacles_now(agent: &mut Agent, target: Option<ObjectId>) -> Result<Vec<Obstacle>, Halt> {
@@ -363,10 +392,13 @@ pub(super) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
     let model = agent.model().clone();
     let configuration = agent.configuration()?;
     let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
+    let world_from_base = agent.world_from_base()?;
+    let obstacles = find_obstacles(agent.map(), &world_from_base, None);
+    let fingers = finger_links(agent.model());
     let back = ToolMove {
         goal: Translation3::new(0.0, 0.0, 0.06) * base_from_tool * Translation3::new(0.0, 0.0, -0.08),
-        obstacles: &[],
-        touching: &[],
+        obstacles: &obstacles,
+        touching: &fingers,
         speed_m_per_s: 0.15,
         posture: None,
         give_up_after: STUCK_AFTER,

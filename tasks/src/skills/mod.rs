@@ -7,6 +7,7 @@ mod carry;
 pub mod drive;
 pub mod explore;
 pub mod grasp;
+pub mod held;
 mod hold;
 pub mod navigate;
 pub mod obstacles;

@@ -1,6 +1,7 @@
 //! What the arm must not touch: surfaces of the map's objects, and what stands on the floor without a name.
 
 use dsm::Pose;
+use dsm::geometry::OrientedBox;
 use dsm::map::{CellState, Map, ObjectId};
 use dsm_robot::model::collision::Obstacle;
 use nalgebra::{Point2, Point3, Vector3};
@@ -28,7 +29,7 @@ pub fn find_obstacles(map: &Map, world_from_base: &Pose, target: Option<ObjectId
         if (near - base).norm() > REACH_M {
             continue;
         }
-        cover(&mut columns, map, &bounds);
+        cover(&mut columns, map, &object.bounds);
         if Some(object.id) == target {
             continue;
         }
@@ -49,11 +50,33 @@ pub fn find_obstacles(map: &Map, world_from_base: &Pose, target: Option<ObjectId
     obstacles
 }
 
-/// Marks the cells under an object's box: its own points say more about it than the floor grid.
-fn cover(columns: &mut BTreeSet<[i32; 2]>, map: &Map, bounds: &dsm::geometry::Aabb) {
-    let low = map.free_space.cell_at(&Point2::new(bounds.min.x, bounds.min.y));
-    let high = map.free_space.cell_at(&Point2::new(bounds.max.x, bounds.max.y));
-    columns.extend((low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| [x, y])));
+/// Marks the cells under an object: its own points say more about it than the floor grid.
+fn cover(columns: &mut BTreeSet<[i32; 2]>, map: &Map, bounds: &OrientedBox) {
+    /// Noise of depth and the side of a cell widen what the floor grid holds of an object.
+    const INSIDE_M: f64 = 0.02;
+    const EDGE_M: f64 = 0.06;
+    let floor = &map.free_space;
+    let around = bounds.aabb().grown(EDGE_M);
+    let low = floor.cell_at(&Point2::new(around.min.x, around.min.y));
+    let high = floor.cell_at(&Point2::new(around.max.x, around.max.y));
+    let middle = bounds.center.xy();
+    for cell in (low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| [x, y])) {
+        let center = floor.center_of(cell);
+        let at_level = Point3::new(center.x, center.y, bounds.center.z);
+        let is_inside = bounds.contains(&at_level, INSIDE_M);
+        // At an open side the widened edge is the object's; where no floor follows, a wall begins.
+        let is_edge = || {
+            let local = bounds.world_from_box().inverse_transform_point(&at_level);
+            let half = bounds.size * 0.5;
+            let nearest = Point3::from(local.coords.zip_map(&half, |value, half| value.clamp(-half, half)));
+            let outward = (bounds.world_from_box() * (local - nearest)).xy();
+            let outward = outward.try_normalize(1e-6).unwrap_or_else(|| (center - middle).normalize());
+            floor.state_at(&(center + outward * floor.resolution_m)) == CellState::Free
+        };
+        if is_inside || (bounds.contains(&at_level, EDGE_M) && is_edge()) {
+            columns.insert(cell);
+        }
+    }
 }
 
 fn walls(map: &Map, base: &Point2<f64>, covered: &BTreeSet<[i32; 2]>, base_from_world: &Pose) -> Vec<Obstacle> {
@@ -69,4 +92,55 @@ fn walls(map: &Map, base: &Point2<f64>, covered: &BTreeSet<[i32; 2]>, base_from_
             Obstacle::still_box(pose, Vector3::new(0.5 * side, 0.5 * side, 0.5 * WALL_HEIGHT_M))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: the wall behind a counter is an obstacle, the counter's own front edge is none beyond its points.
+    use super::*;
+    use dsm::map::{Attributes, MapChange, MapObject, MapUpdate, ObjectState, Votes};
+    use dsm::time::Stamp;
+    use nalgebra::UnitQuaternion;
+
+    #[test]
+    fn the_wall_behind_a_counter_is_an_obstacle() {
+        let mut map = Map::new(0.05);
+        for (x, y) in (0..40).flat_map(|x| (0..40).map(move |y| (x, y))) {
+            // A wall of two cells from y = 1.5 m, a counter from y = 0.9 m whose front edge the grid widens by a cell.
+            let occupied = y == 30 || y == 31 || (17..30).contains(&y) && (8..32).contains(&x);
+            map.free_space.set([x, y], if occupied { CellState::Occupied } else { CellState::Free });
+        }
+        let bounds = OrientedBox {
+            center: Point3::new(1.0, 1.19, 0.45),
+            size: Vector3::new(1.2, 0.58, 0.9),
+            rotation: UnitQuaternion::identity(),
+        };
+        let counter = MapObject {
+            id: ObjectId(1),
+            state: ObjectState::Stable,
+            names: Votes::default(),
+            points: Vec::new(),
+            bounds,
+            attributes: Attributes::default(),
+            visual_feature: Vec::new(),
+            text_feature: Vec::new(),
+            room: None,
+            observations: 9,
+            first_seen: Stamp::default(),
+            last_seen: Stamp::default(),
+        };
+        map.apply(MapUpdate { stamp: Stamp::default(), changes: vec![MapChange::Put(Box::new(counter))] });
+        let at = Pose::translation(1.0, 0.5, 0.0);
+        let columns: Vec<Point2<f64>> = find_obstacles(&map, &at, None)
+            .into_iter()
+            .filter_map(|obstacle| match obstacle {
+                Obstacle::Box { base_from_box, .. } => Some((at * base_from_box).translation.vector.xy().into()),
+                Obstacle::Ball { .. } => None,
+            })
+            .collect();
+        let behind = columns.iter().filter(|c| (c.y - 1.525).abs() < 0.01 && (c.x - 1.0).abs() < 0.5).count();
+        assert!(behind > 15, "{behind} cells of the wall");
+        let front = columns.iter().filter(|c| c.y < 1.5 && (c.x - 1.0).abs() < 0.5).count();
+        assert_eq!(front, 0, "{columns:?}");
+    }
 }

@@ -1,21 +1,18 @@
-//! Placing: fold the arm around what is held, drive to a free spot on a surface, lower, open, retreat, and look.
+//! Placing: drive to a free spot on a surface, lower what is held, open, retreat, and look.
 
 use super::Outcome;
 use super::approach::{Approach, come_to, find_approaches};
-use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_through, move_tool, move_tool_around};
-use super::carry::find_carry;
-use super::grasp::{GraspSettings, back_off, finger_links, retreat, seeds};
+use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
+use super::grasp::{GraspSettings, finger_links, retreat, seeds};
+use super::held::{Held, carry, carrying, obstacles_but_held};
 use super::navigate::navigate_to_object;
-use super::obstacles::find_obstacles;
-use super::spots::{Load, Spot, find_spots};
+use super::spots::{Spot, find_spots};
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
-use dsm::geometry::OrientedBox;
-use dsm::map::{Map, ObjectId};
+use dsm::map::ObjectId;
 use dsm::time::Span;
 use dsm_robot::control::{IkRequest, find_ik};
-use dsm_robot::grasp::{ApproachFrom, GraspScene};
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::collision::Obstacle;
 use dsm_robot::model::{Configuration, RobotModel};
@@ -28,105 +25,14 @@ const MAX_ATTEMPTS: usize = 3;
 const LET_GO_ABOVE_M: f64 = 0.006;
 /// The load comes from this far above its place, metres.
 const ABOVE_M: f64 = 0.11;
-/// Distance backed off from the place of the grasp, metres.
-const BACK_M: f64 = 0.5;
-/// Speed of the base while it backs off, metres per second.
-const BACK_SPEED_M_PER_S: f64 = 0.15;
 /// Distances from a spot at which the base may stand, metres.
 const STAND_M: [f64; 7] = [0.62, 0.56, 0.68, 0.5, 0.74, 0.8, 0.86];
+/// Spots that are tested.
+const MAX_SPOTS: usize = 24;
 /// Directions around a spot in which standing places are looked for.
 const DIRECTIONS: usize = 24;
 /// Turns of the hand about the vertical that are tried, radians.
 const TURNS_RAD: [f64; 5] = [0.0, 0.5, -0.5, 1.1, -1.1];
-
-/// What the hand holds and how.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Held {
-    /// The object, as the map knew it before the grasp.
-    pub id: ObjectId,
-    /// Its outline and height.
-    pub load: Load,
-    /// Height of the tool above the object's lowest point, metres.
-    pub tool_above_bottom_m: f64,
-    /// How the hand held it when it was grasped, base frame.
-    pub base_from_tool: UnitQuaternion<f64>,
-    /// Width between the fingers, metres.
-    pub width_m: f64,
-}
-
-/// An object as it stands before a grasp: what the hand will hide.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Standing {
-    id: ObjectId,
-    bounds: OrientedBox,
-    support_z_m: f64,
-}
-
-impl Standing {
-    /// The object in the map; `None` when the map does not hold it.
-    pub fn of(map: &Map, id: ObjectId) -> Option<Self> {
-        let bounds = map.find_object(id)?.bounds;
-        let support_z_m = GraspScene::from_map(map, id, ApproachFrom::Anywhere)?.support_z_m;
-        Some(Self { id, bounds, support_z_m })
-    }
-
-    /// What the hand holds after the grasp skill has lifted the object; from here on the object belongs to the robot
-    /// and is left out of the map.
-    pub fn lifted(&self, agent: &mut Agent, settings: &GraspSettings) -> Result<Held, Halt> {
-        let model = agent.model().clone();
-        let configuration = agent.configuration()?;
-        let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
-        let height_m = (self.bounds.top_m() - self.support_z_m).max(0.02);
-        let above_m = base_from_tool.translation.z - settings.planner.lift_m - self.support_z_m;
-        let tool_above_bottom_m = above_m.clamp(0.0, height_m + 0.05);
-        let radius_m = 0.55 * self.bounds.size.x.max(self.bounds.size.y);
-        let width_m = agent.grip_state()?.width_m;
-        let tool = base_from_tool.translation.vector;
-        let middle = Point3::new(tool.x, tool.y, tool.z - tool_above_bottom_m + 0.5 * height_m);
-        agent.hold(Some(OrientedBox {
-            center: base_from_tool.inverse_transform_point(&middle),
-            size: Vector3::new(2.0 * radius_m, 2.0 * radius_m, height_m),
-            rotation: base_from_tool.rotation.inverse(),
-        }));
-        let load = Load { radius_m, height_m };
-        Ok(Held { id: self.id, load, tool_above_bottom_m, base_from_tool: base_from_tool.rotation, width_m })
-    }
-}
-
-/// Backs off from where the object was lifted and folds the arm around it, ready to drive anywhere.
-pub fn carry(agent: &mut Agent, held: &Held, settings: &GraspSettings) -> Result<Outcome, Halt> {
-    agent.gaze = Gaze::AHEAD;
-    back_off(agent, BACK_M, BACK_SPEED_M_PER_S)?;
-    let world_from_base = agent.world_from_base()?;
-    let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
-    let (model, configuration) = (agent.model().clone(), agent.configuration()?);
-    let postures = agent.plan(move || find_carry(&model, &configuration))?;
-    let Some(postures) = postures else {
-        return Ok(Outcome::Failed(Stage::Reach, "the arm has no way to carry this object".into()));
-    };
-    let folded = move_through(agent, &postures, &obstacles)?;
-    if agent.grip_state()?.width_m < settings.min_width_m {
-        agent.hold(None);
-        return Ok(Outcome::Failed(Stage::Hold, "the object slipped out of the fingers on the way".into()));
-    }
-    match folded {
-        ArmOutcome::Stuck { error_m, .. } if error_m > 0.2 => {
-            Ok(Outcome::Failed(Stage::Reach, format!("the arm cannot fold with the object; {error_m:.2} rad are left")))
-        }
-        _ => Ok(Outcome::Done("carries the object".into())),
-    }
-}
-
-/// Navigation with the footprint of the robot as it is folded around its load.
-pub fn carrying(agent: &mut Agent, nav: &NavConfig) -> Result<NavConfig, Halt> {
-    /// A footprint for which doors are wide enough.
-    const WIDEST_M: f64 = 0.34;
-    let configuration = agent.configuration()?;
-    let radius_m = agent.model().radius_m(&configuration);
-    let mut nav = nav.clone();
-    nav.costmap.footprint_radius_m = nav.costmap.footprint_radius_m.max(radius_m.min(WIDEST_M));
-    Ok(nav)
-}
 
 /// Puts what is held on an object of the map. The arm is folded.
 pub fn place(
@@ -178,6 +84,10 @@ fn try_place(
     attempt: usize,
 ) -> Result<Attempt, Halt> {
     // Where to stand, and which spot that is for.
+    let map = agent.map().clone();
+    let spots = find_spots(&map, surface, Some(held.id), &held.load, spare(attempt));
+    let goals: Vec<Point2<f64>> = apart(spots, 0.1, MAX_SPOTS).iter().map(|spot| spot.point.xy()).collect();
+    let nav = &carrying(agent, nav, &goals)?;
     let choices = choose_stands(agent, nav, held, surface, spare(attempt))?;
     let Some((spot, approach)) = choices.get(attempt.min(choices.len().saturating_sub(1))).cloned() else {
         return Ok(Err((Stage::Planning, "no free spot on the surface can be reached".into())));
@@ -270,22 +180,6 @@ fn count_points_on(agent: &Agent, spot: &Spot, held: &Held) -> usize {
         .count()
 }
 
-/// Obstacles near the base, without the held object, its old place and what the map took for it in the hand.
-fn obstacles_but_held(agent: &mut Agent, world_from_base: &Pose, held: &Held) -> Result<Vec<Obstacle>, Halt> {
-    let model = agent.model().clone();
-    let configuration = agent.configuration()?;
-    let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
-    let hold = agent.held().copied();
-    let mut obstacles = find_obstacles(agent.map(), world_from_base, Some(held.id));
-    obstacles.retain(|obstacle| match obstacle {
-        Obstacle::Ball { center_in_base, .. } => {
-            !hold.is_some_and(|b| b.contains(&base_from_tool.inverse_transform_point(center_in_base), 0.03))
-        }
-        Obstacle::Box { .. } => true,
-    });
-    Ok(obstacles)
-}
-
 /// The tool's pose in the base frame for putting the load on a spot, with the hand turned about the vertical.
 fn base_from_tool_on(world_from_base: &Pose, spot: &Spot, held: &Held, turn_rad: f64) -> Pose {
     let at = world_from_base.inverse_transform_point(&spot.point);
@@ -329,7 +223,6 @@ fn choose_stands(
     surface: ObjectId,
     spare: f64,
 ) -> Result<Vec<(Spot, Approach)>, Halt> {
-    const MAX_SPOTS: usize = 24;
     const MAX_STANDS: usize = 6;
     let (map, model) = (agent.map().clone(), agent.model().clone());
     let start = Pose2::from_pose(&agent.world_from_base()?).position;
@@ -339,7 +232,7 @@ fn choose_stands(
         let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
         let field = Field::from_start(&costmap, &start);
         let spots = apart(find_spots(&map, surface, Some(held.id), &held.load, spare), 0.1, MAX_SPOTS);
-        tracing::debug!("{} spots on object {}", spots.len(), surface.0);
+        let (spot_count, mut stand_count, mut reach_count, mut way_count) = (spots.len(), 0, 0, 0);
         let mut found = Vec::new();
         for spot in spots {
             let reaches = |stand: &Pose2| {
@@ -350,10 +243,13 @@ fn choose_stands(
                 })
             };
             let stands = stands_around(&costmap, &field, &spot.point.xy());
+            stand_count += stands.len();
             let stands: Vec<Pose2> = stands.into_iter().take(MAX_STANDS).filter(reaches).collect();
             let all = stands.len();
+            reach_count += all;
             let approaches =
                 find_approaches(&map, &model, &costmap, &field, &configuration, &stands, Some(held.id), all);
+            way_count += approaches.len();
             let raised = approaches.into_iter().filter_map(|approach| {
                 let bottom_m = spot.point.z + held.tool_above_bottom_m;
                 Some((spot, raised_over(&model, &configuration, approach, bottom_m + 0.08)?))
@@ -363,12 +259,15 @@ fn choose_stands(
                 break;
             }
         }
+        tracing::debug!(
+            "{spot_count} spots, {stand_count} places around them, {reach_count} of the tested reach, {way_count} ways"
+        );
         found
     })
 }
 
 /// Standing places around a spot, cheapest first.
-fn stands_around(costmap: &Costmap, field: &Field, spot: &Point2<f64>) -> Vec<Pose2> {
+pub(super) fn stands_around(costmap: &Costmap, field: &Field, spot: &Point2<f64>) -> Vec<Pose2> {
     let mut stands: Vec<(f64, Pose2)> = Vec::new();
     for distance_m in STAND_M {
         for i in 0..DIRECTIONS {

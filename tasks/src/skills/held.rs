@@ -1,0 +1,154 @@
+//! What the hand holds, and carrying it: the fold around it, and the footprint to drive with.
+
+use super::Outcome;
+use super::arm::{ArmOutcome, move_joints_around, move_through};
+use super::carry::find_carry;
+use super::grasp::{GraspSettings, back_off};
+use super::obstacles::find_obstacles;
+use super::place::stands_around;
+use super::spots::Load;
+use crate::agent::{Agent, Gaze, Halt};
+use crate::summary::Stage;
+use dsm::Pose;
+use dsm::geometry::OrientedBox;
+use dsm::map::{Map, ObjectId};
+use dsm_robot::grasp::{ApproachFrom, GraspScene};
+use dsm_robot::model::collision::Obstacle;
+use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
+use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
+
+/// Distance backed off from the place of the grasp, metres.
+const BACK_M: f64 = 0.5;
+/// Speed of the base while it backs off, metres per second.
+const BACK_SPEED_M_PER_S: f64 = 0.15;
+/// Greatest joint error with which the arm counts as folded, radians.
+const FOLDED_RAD: f64 = 0.2;
+
+/// What the hand holds and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Held {
+    /// The object, as the map knew it before the grasp.
+    pub id: ObjectId,
+    /// Its outline and height.
+    pub load: Load,
+    /// Height of the tool above the object's lowest point, metres.
+    pub tool_above_bottom_m: f64,
+    /// How the hand held it when it was grasped, base frame.
+    pub base_from_tool: UnitQuaternion<f64>,
+    /// Width between the fingers, metres.
+    pub width_m: f64,
+}
+
+/// An object as it stands before a grasp: what the hand will hide.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Standing {
+    id: ObjectId,
+    bounds: OrientedBox,
+    support_z_m: f64,
+}
+
+impl Standing {
+    /// The object in the map; `None` when the map does not hold it.
+    pub fn of(map: &Map, id: ObjectId) -> Option<Self> {
+        let bounds = map.find_object(id)?.bounds;
+        let support_z_m = GraspScene::from_map(map, id, ApproachFrom::Anywhere)?.support_z_m;
+        Some(Self { id, bounds, support_z_m })
+    }
+
+    /// What the hand holds after the grasp skill has lifted the object; from here on the object belongs to the robot
+    /// and is left out of the map.
+    pub fn lifted(&self, agent: &mut Agent, settings: &GraspSettings) -> Result<Held, Halt> {
+        let model = agent.model().clone();
+        let configuration = agent.configuration()?;
+        let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
+        let height_m = (self.bounds.top_m() - self.support_z_m).max(0.02);
+        let above_m = base_from_tool.translation.z - settings.planner.lift_m - self.support_z_m;
+        let tool_above_bottom_m = above_m.clamp(0.0, height_m + 0.05);
+        let radius_m = 0.55 * self.bounds.size.x.max(self.bounds.size.y);
+        let width_m = agent.grip_state()?.width_m;
+        let tool = base_from_tool.translation.vector;
+        let middle = Point3::new(tool.x, tool.y, tool.z - tool_above_bottom_m + 0.5 * height_m);
+        agent.hold(Some(OrientedBox {
+            center: base_from_tool.inverse_transform_point(&middle),
+            size: Vector3::new(2.0 * radius_m, 2.0 * radius_m, height_m),
+            rotation: base_from_tool.rotation.inverse(),
+        }));
+        let load = Load { radius_m, height_m };
+        Ok(Held { id: self.id, load, tool_above_bottom_m, base_from_tool: base_from_tool.rotation, width_m })
+    }
+}
+
+/// Backs off from where the object was lifted and folds the arm around it, ready to drive anywhere.
+pub fn carry(agent: &mut Agent, held: &Held, settings: &GraspSettings) -> Result<Outcome, Halt> {
+    agent.gaze = Gaze::AHEAD;
+    back_off(agent, BACK_M, BACK_SPEED_M_PER_S)?;
+    let world_from_base = agent.world_from_base()?;
+    let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
+    let (model, configuration) = (agent.model().clone(), agent.configuration()?);
+    let postures = agent.plan(move || find_carry(&model, &configuration))?;
+    let Some(postures) = postures else {
+        return Ok(Outcome::Failed(Stage::Reach, "the arm has no way to carry this object".into()));
+    };
+    let mut folded = move_through(agent, &postures, &obstacles)?;
+    if let (ArmOutcome::Stuck { error_m, .. }, Some(carried)) = (folded, postures.last())
+        && error_m > FOLDED_RAD
+    {
+        folded = move_joints_around(agent, carried, &obstacles)?;
+    }
+    if agent.grip_state()?.width_m < settings.min_width_m {
+        agent.hold(None);
+        return Ok(Outcome::Failed(Stage::Hold, "the object slipped out of the fingers on the way".into()));
+    }
+    match folded {
+        ArmOutcome::Stuck { error_m, .. } if error_m > FOLDED_RAD => {
+            Ok(Outcome::Failed(Stage::Reach, format!("the arm cannot fold with the object; {error_m:.2} rad are left")))
+        }
+        _ => Ok(Outcome::Done("carries the object".into())),
+    }
+}
+
+/// Navigation with the footprint of the robot as it is folded around its load, or as much of it as leads to one of `goals`
+/// (anywhere, when there are none): a load that sticks out a little must not close every door.
+pub fn carrying(agent: &mut Agent, nav: &NavConfig, goals: &[Point2<f64>]) -> Result<NavConfig, Halt> {
+    /// A footprint for which wide doors are wide enough.
+    const WIDEST_M: f64 = 0.34;
+    const STEP_M: f64 = 0.03;
+    let configuration = agent.configuration()?;
+    let own_m = nav.costmap.footprint_radius_m;
+    let mut radius_m = own_m.max(agent.model().radius_m(&configuration).min(WIDEST_M));
+    let (map, start) = (agent.map().clone(), Pose2::from_pose(&agent.world_from_base()?).position);
+    let (nav, goals) = (nav.clone(), goals.to_vec());
+    agent.plan(move || {
+        loop {
+            let mut wide = nav.clone();
+            wide.costmap.footprint_radius_m = radius_m;
+            let costmap = Costmap::from_free_space(&map.free_space, &wide.costmap);
+            let field = Field::from_start(&costmap, &start);
+            let leads = |goal: &Point2<f64>| !stands_around(&costmap, &field, goal).is_empty();
+            if radius_m <= own_m || goals.is_empty() || goals.iter().any(leads) {
+                return wide;
+            }
+            radius_m = (radius_m - STEP_M).max(own_m);
+        }
+    })
+}
+
+/// Obstacles near the base, without the held object, its old place and what the map took for it in the hand.
+pub(super) fn obstacles_but_held(
+    agent: &mut Agent,
+    world_from_base: &Pose,
+    held: &Held,
+) -> Result<Vec<Obstacle>, Halt> {
+    let model = agent.model().clone();
+    let configuration = agent.configuration()?;
+    let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
+    let hold = agent.held().copied();
+    let mut obstacles = find_obstacles(agent.map(), world_from_base, Some(held.id));
+    obstacles.retain(|obstacle| match obstacle {
+        Obstacle::Ball { center_in_base, .. } => {
+            !hold.is_some_and(|b| b.contains(&base_from_tool.inverse_transform_point(center_in_base), 0.03))
+        }
+        Obstacle::Box { .. } => true,
+    });
+    Ok(obstacles)
+}
