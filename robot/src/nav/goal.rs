@@ -123,6 +123,9 @@ fn find_poses(
     config: &GoalConfig,
 ) -> Vec<StandPose> {
     const MIN_VISIBLE: f64 = 0.33;
+    /// Who stands farther off does not stand at it, and it must be worth the more to stay there.
+    const AT_M: f64 = 0.9;
+    const BEYOND: f64 = 4.0;
     const MAX_TESTED: usize = 400;
     let center = Point2::new(target.center.x, target.center.y);
     let half_diagonal = 0.5 * Vector3::new(target.size.x, target.size.y, 0.0).norm();
@@ -134,8 +137,8 @@ fn find_poses(
             let path_length = field.find_length_m(cell)?;
             let distance = distance_to(&costmap.grid().center_of(cell));
             let crowding = costmap.find_cost(cell)? - 1.0;
-            let cost =
-                path_length + config.distance_weight * (distance - range.preferred_m).abs() + 0.1 * crowding.max(0.0);
+            let off_m = (distance - range.preferred_m).abs() + BEYOND * (distance - AT_M).max(0.0);
+            let cost = path_length + config.distance_weight * off_m + 0.1 * crowding.max(0.0);
             (range.min_m..=range.max_m).contains(&distance).then_some((cost, cell, path_length))
         })
         .collect();

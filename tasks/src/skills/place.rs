@@ -145,7 +145,7 @@ fn try_place(
     agent.note("let go");
     let back = ToolMove {
         goal: base_from_tool * Translation3::new(0.0, 0.0, -ABOVE_M),
-        obstacles: &[],
+        obstacles: &obstacles,
         touching: &lowering,
         speed_m_per_s: settings.approach_speed_m_per_s,
         posture: None,
