@@ -1,8 +1,11 @@
 //! Truth, as an evaluator sees it, and what a map is worth against it. Nothing in the map or in grounding reads this.
 
 mod attributes;
+mod class_file;
 mod expressions;
 mod faults;
+mod labelled_cloud;
+mod labeller;
 mod matching;
 mod nearest;
 mod referring;
@@ -13,12 +16,15 @@ mod score;
 mod segmentation;
 mod statistics;
 
+pub use class_file::{LabelClass, LabelClasses};
 pub use expressions::{Expression, Meant, make_expressions};
+pub use labelled_cloud::{CloudError, LabelledCloud, LabelledPoint};
+pub use labeller::{AnsweredLabeller, EmbeddedLabeller, Labeller, LabellerError, Question, describe};
 pub use matching::{Matching, Verdict, match_objects};
 pub use referring::{Answered, GroundingReport, answer_expressions, pool_answers};
 pub use scene::{SurfacePoint, TrueAttributes, TrueScene, TrueThing};
 pub use score::{MapScore, score_map};
-pub use segmentation::describe;
+pub use segmentation::{ClassScore, CloudScore, LabelledObject, score_cloud};
 pub use statistics::{Estimate, F1Count, MapReport, Mean, Share, pool};
 
 use crate::Pose;

@@ -5,11 +5,13 @@
 
 mod color;
 mod describer;
+mod segment;
 mod text;
 mod visual;
 
 pub use color::{ColorName, ColorTable};
 pub use describer::KnowledgeDescriber;
+pub use segment::{PixelSegmenter, UNNAMED};
 pub use text::KnowledgeTextEncoder;
 pub use visual::ColorShapeEncoder;
 

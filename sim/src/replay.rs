@@ -7,6 +7,8 @@
 //!
 //! An image is a function of poses, seed and frame number: it is the one that the drive saw.
 
+mod labels;
+mod masks;
 mod sightings;
 mod surface;
 mod wander;
@@ -27,12 +29,15 @@ use dsm::perceive::{Detections, Detector};
 use dsm::time::Stamp;
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::{Configuration, RobotModel};
+use masks::ThingLabels;
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 use sightings::Sightings;
 use std::path::Path;
 use std::sync::Arc;
 
+pub use labels::label_surfaces;
+pub use masks::MaskScore;
 pub use wander::PoseWander;
 
 /// What is needed to see one image again.
@@ -107,6 +112,7 @@ pub struct Replay {
     seed: u64,
     image: TrueImage,
     sightings: Sightings,
+    things: ThingLabels,
 }
 
 impl Replay {
@@ -128,6 +134,7 @@ impl Replay {
         let (labels, receiver) = label_channel(LabelIds::default());
         let detector = SimDetector::new(receiver, &model, &semantics, perception, seed);
         let sightings = Sightings::new(&model, &semantics, &rig);
+        let things = ThingLabels::new(&model, &semantics);
         let bodies = model.bodies.iter().map(|body| body.world_from_body).collect();
         Ok(Self {
             robot,
@@ -141,6 +148,7 @@ impl Replay {
             seed,
             image: TrueImage::default(),
             sightings,
+            things,
         })
     }
 
@@ -177,6 +185,11 @@ impl Replay {
         let detections = self.detector.detect(&frame);
         let robot = self.robot.link_boxes(&configuration, &moment.world_from_base);
         Shown { frame, detections, world_from_base: moment.world_from_base, robot }
+    }
+
+    /// Counts the masks that a detector found in the frame that was shown last. For the evaluator alone.
+    pub fn count_masks(&self, detections: &Detections, score: &mut MaskScore) {
+        self.things.count(&self.image, &detections.items, score);
     }
 
     /// The truth about the scene at the last moment, with what was seen of it. For the evaluator alone.

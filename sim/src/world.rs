@@ -189,7 +189,7 @@ impl World {
 }
 
 /// Draws placements and lets the scene come to rest; things that fall from their drawn place go back to their own.
-fn settle(
+pub(crate) fn settle(
     model: &mut SceneModel,
     semantics: &Semantics,
     solids: &Solids,
@@ -275,7 +275,7 @@ fn connect(
 }
 
 /// Where nothing stands between floor and the robot's height.
-fn free_space(scene: &SceneModel, solids: &Solids, height_m: f64) -> FreeSpace {
+pub(crate) fn free_space(scene: &SceneModel, solids: &Solids, height_m: f64) -> FreeSpace {
     let mut grid = FreeSpace::new(CELL_M);
     let bounds = scene_bounds(scene, solids);
     let cells = |low: f64, high: f64| (low / CELL_M).floor() as i32..=(high / CELL_M).floor() as i32;

@@ -7,7 +7,7 @@ use crate::run::RunSpec;
 use dsm::eval::Truth;
 use dsm::ground::{GroundConfig, Grounder};
 use dsm::knowledge::Knowledge;
-use dsm::perceive::Detector;
+use dsm::perceive::{Detector, PixelSegmenter};
 use dsm_robot::drivers::Robot;
 use dsm_robot::limited::Limited;
 use dsm_robot::model::RobotModel;
@@ -58,7 +58,9 @@ pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> R
     let judge = Judge::new(truth, spec.episode.expectations.clone(), bounds, radius_m);
     let parts = world.into_parts();
     let robot: Box<dyn Robot> = Box::new(Limited::new(parts.robot, &model));
-    Ok(Assembled { robot, model, detector: Box::new(parts.detector), truth: parts.truth, judge })
+    let detector: Box<dyn Detector> =
+        if sees_pixels_alone(spec) { Box::new(PixelSegmenter) } else { Box::new(parts.detector) };
+    Ok(Assembled { robot, model, detector, truth: parts.truth, judge })
 }
 
 /// Loads and checks all inputs of a run without beginning it.
@@ -79,6 +81,11 @@ fn load(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<(Arc<RobotMo
 
 fn preset(spec: &RunSpec) -> Perception {
     if spec.perception == "oracle" { Perception::Oracle } else { Perception::Noisy }
+}
+
+/// Whether things are found in pixels alone instead of by the simulated detector.
+pub fn sees_pixels_alone(spec: &RunSpec) -> bool {
+    spec.perception == "pixels"
 }
 
 /// The recorded drive of a run, ready to be seen again.

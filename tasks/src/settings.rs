@@ -96,7 +96,7 @@ impl Settings {
         }
         if PerceptionChoice::from_str(&self.perception.value, false).is_err() {
             return Err(TaskError::Usage(format!(
-                "perception is `{}`; expected noisy or oracle",
+                "perception is `{}`; expected noisy, oracle or pixels",
                 self.perception.value
             )));
         }

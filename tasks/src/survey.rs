@@ -6,7 +6,7 @@
 //! ```
 
 use crate::agent::{Agent, AgentConfig, Halt, Parts};
-use crate::assemble::{Assembled, assemble_recording, knowledge, replay};
+use crate::assemble::{Assembled, assemble_recording, knowledge, replay, sees_pixels_alone};
 use crate::error::TaskError;
 use crate::perception::Perception;
 use crate::run::{CELL_M, RunSpec};
@@ -16,8 +16,9 @@ use dsm::build::{BuildConfig, Carrier, MapBuilder};
 use dsm::eval::{MapScore, TrueScene, score_map};
 use dsm::geometry::OrientedBox;
 use dsm::map::Map;
+use dsm::perceive::{Detector, PixelSegmenter};
 use dsm::time::Stamp;
-use dsm_sim::replay::{Moment, PoseWander, Shown};
+use dsm_sim::replay::{MaskScore, Moment, PoseWander, Replay, Shown};
 use nalgebra::Point2;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -97,9 +98,34 @@ impl Mapping<'_> {
 /// Maps the frames of a drive under every condition and scores the maps, in the order of the conditions.
 pub fn score_drive(spec: &RunSpec, moments: &[Moment], conditions: &[Condition]) -> Result<Vec<MapScore>, TaskError> {
     let knowledge = knowledge()?;
-    let (maps, truth) = map_drive(spec, moments, conditions)?;
+    let (maps, truth, masks) = map_and_count(spec, moments, conditions)?;
     let pairs: Vec<(Map, &Condition)> = maps.into_iter().zip(conditions).collect();
-    Ok(pairs.par_iter().map(|(map, condition)| score_map(map, &truth, &condition.build, &knowledge)).collect())
+    let score = |(map, condition): &(Map, &Condition)| {
+        let mut score = score_map(map, &truth, &condition.build, &knowledge);
+        if let Some(masks) = masks {
+            score.shares.insert("mask_recall".into(), masks.recall);
+            score.shares.insert("mask_precision".into(), masks.precision);
+        }
+        score
+    };
+    Ok(pairs.par_iter().map(score).collect())
+}
+
+/// A drive that is seen again, by the simulated detector or in pixels alone.
+struct Watcher {
+    replay: Replay,
+    pixels: Option<(PixelSegmenter, MaskScore)>,
+}
+
+impl Watcher {
+    fn show(&mut self, moment: &Moment) -> Shown {
+        let mut shown = self.replay.show(moment);
+        if let Some((segmenter, masks)) = &mut self.pixels {
+            shown.detections = segmenter.detect(&shown.frame);
+            self.replay.count_masks(&shown.detections, masks);
+        }
+        shown
+    }
 }
 
 /// Maps the frames of a drive under every condition, in their order; with the truth, which is only for judging.
@@ -108,9 +134,19 @@ pub fn map_drive(
     moments: &[Moment],
     conditions: &[Condition],
 ) -> Result<(Vec<Map>, TrueScene), TaskError> {
+    map_and_count(spec, moments, conditions).map(|(maps, truth, _)| (maps, truth))
+}
+
+/// As [`map_drive`]; for things found in pixels alone also how well their masks show them.
+fn map_and_count(
+    spec: &RunSpec,
+    moments: &[Moment],
+    conditions: &[Condition],
+) -> Result<(Vec<Map>, TrueScene, Option<MaskScore>), TaskError> {
     let knowledge = knowledge()?;
-    let mut replay = replay(spec)?;
-    let radius_m = replay.robot().settings.base.footprint_radius_m;
+    let pixels = sees_pixels_alone(spec).then(Default::default);
+    let mut watcher = Watcher { replay: replay(spec)?, pixels };
+    let radius_m = watcher.replay.robot().settings.base.footprint_radius_m;
     let mut mappings: Vec<Mapping<'_>> = conditions
         .iter()
         .map(|condition| Mapping {
@@ -120,13 +156,14 @@ pub fn map_drive(
         })
         .collect();
     let mut wander = PoseWander::new(spec.seed);
-    let mut next = moments.first().map(|moment| replay.show(moment));
+    let mut next = moments.first().map(|moment| watcher.show(moment));
     for (index, moment) in moments.iter().enumerate() {
         let Some(shown) = next.take() else { break };
         wander.advance(moment.stamp);
         // The next frame is drawn while this one is mapped.
         let map = || mappings.par_iter_mut().for_each(|mapping| mapping.observe(&shown, &wander, radius_m));
-        next = rayon::join(|| moments.get(index + 1).map(|later| replay.show(later)), map).0;
+        next = rayon::join(|| moments.get(index + 1).map(|later| watcher.show(later)), map).0;
     }
-    Ok((mappings.into_iter().map(|mapping| mapping.map).collect(), replay.finish()))
+    let maps = mappings.into_iter().map(|mapping| mapping.map).collect();
+    Ok((maps, watcher.replay.finish(), watcher.pixels.map(|(_, masks)| masks)))
 }

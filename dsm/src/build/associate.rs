@@ -7,9 +7,12 @@ use super::config::BuildConfig;
 use super::observation::Observation;
 use crate::geometry::Aabb;
 use crate::map::MapObject;
-use crate::perceive::cosine;
+use crate::perceive::{UNNAMED, cosine};
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix;
+
+/// s_c of things of which one has no name.
+const UNNAMED_TEXT: f32 = 0.5;
 
 /// The total score S; `None` when the place rules the pair out.
 pub(super) fn find_score(
@@ -20,12 +23,14 @@ pub(super) fn find_score(
 ) -> Option<f64> {
     let geometric = find_geometric_score(config, &observation.bounds, aabb, observation.distance_m)?;
     let visual = cosine(&observation.visual_feature, &object.visual_feature);
-    let text = cosine(&observation.text_feature, &object.text_feature);
+    // Two things without names agree in nothing: neither for nor against.
+    let unnamed = observation.name == UNNAMED || object.name() == UNNAMED;
+    let text = if unnamed { UNNAMED_TEXT } else { cosine(&observation.text_feature, &object.text_feature) };
     let counted = |score: f64, threshold: f64| if score >= threshold { score } else { 0.0 };
     Some(
         counted(f64::from(visual), f64::from(config.visual_threshold))
             + counted(geometric, config.geometric_threshold)
-            + counted(f64::from(text), f64::from(config.text_threshold)),
+            + counted(f64::from(text), if unnamed { 0.0 } else { f64::from(config.text_threshold) }),
     )
 }
 

@@ -9,11 +9,25 @@ pub(super) struct CellGrid<T> {
     cells: Vec<T>,
 }
 
+impl<T> CellGrid<T> {
+    /// Cells that fit into the memory it holds.
+    pub(super) fn capacity(&self) -> usize {
+        self.cells.capacity()
+    }
+}
+
 impl<T: Copy + Default> CellGrid<T> {
     /// A grid over the cells from `low` (inclusive) to `high` (exclusive).
     pub(super) fn covering(low: [i32; 2], high: [i32; 2]) -> Self {
         let side = |i: usize| usize::try_from(high[i] - low[i]).unwrap_or(0);
         Self { origin: low, columns: side(0), rows: side(1), cells: vec![T::default(); side(0) * side(1)] }
+    }
+
+    /// Lets a grid without values stand for the cells from `low` (inclusive) to `high` (exclusive), in the memory it has.
+    pub(super) fn move_to(&mut self, low: [i32; 2], high: [i32; 2]) {
+        let side = |i: usize| usize::try_from(high[i] - low[i]).unwrap_or(0);
+        (self.origin, self.columns, self.rows) = (low, side(0), side(1));
+        self.cells.resize(self.columns * self.rows, T::default());
     }
 
     /// Lowest cell and the one after the highest.

@@ -32,6 +32,7 @@ impl<'a> Draft<'a> {
         self.put.get_mut(&id)
     }
 
+    /// Adds an object, or a new state of a known one.
     pub(super) fn add(&mut self, object: MapObject) {
         self.put.insert(object.id, object);
     }

@@ -5,7 +5,7 @@ use super::draft::Draft;
 use super::track::Track;
 use super::tracks::Tracks;
 use crate::map::{MapObject, ObjectId, RemovalReason};
-use crate::perceive::cosine;
+use crate::perceive::{UNNAMED, cosine};
 
 /// Common volume over the smaller box from which two objects of one name are one.
 const SAME_NAME_OVERLAP: f64 = 0.5;
@@ -50,7 +50,10 @@ fn is_same(config: &BuildConfig, a: &MapObject, a_track: &Track, b: &MapObject, 
     let overlap = common / smaller;
     let mutual = a.bounds.contains(&b.bounds.center, 0.0) && b.bounds.contains(&a.bounds.center, 0.0);
     let together = seen_together(a_track, b_track);
-    let same_name = cosine(&a.text_feature, &b.text_feature) >= config.text_threshold || a.name() == b.name();
+    // Having no name is no name to share.
+    let unnamed = a.name() == UNNAMED || b.name() == UNNAMED;
+    let same_name =
+        !unnamed && (cosine(&a.text_feature, &b.text_feature) >= config.text_threshold || a.name() == b.name());
     // A thing put beside itself by a pose error is never seen together with itself.
     if same_name && together == 0 && is_beside(config, a_track, b_track) {
         return true;

@@ -17,7 +17,9 @@ mod bounds;
 mod carrier;
 mod cell_grid;
 mod config;
+mod division;
 mod draft;
+mod memory;
 mod merge;
 mod merged_mask;
 mod observation;
@@ -25,6 +27,7 @@ mod occupancy;
 mod outline;
 mod relations;
 mod rooms;
+mod stage;
 mod track;
 mod tracks;
 mod view;
@@ -33,15 +36,17 @@ mod window;
 pub use carrier::Carrier;
 pub use config::{BuildConfig, BuildConfigError};
 pub use relations::relate_all;
+pub use stage::Stage;
 
 use crate::Pose;
 use crate::frame::RgbdFrame;
 use crate::knowledge::Knowledge;
-use crate::map::{FreeSpace, Map, MapChange, MapUpdate, ObjectId, ObjectState, Room};
+use crate::map::{Map, MapChange, MapObject, MapUpdate, ObjectId, ObjectState, Room};
 use crate::perceive::{
     ColorShapeEncoder, Describer, Detections, KnowledgeDescriber, KnowledgeTextEncoder, TextEncoder, VisualEncoder,
 };
 use draft::Draft;
+use nalgebra::Point2;
 use observation::{Encoders, Observation, find_observation};
 use occupancy::Occupancy;
 use rayon::prelude::*;
@@ -94,6 +99,18 @@ impl MapBuilder {
     /// The changes that follow from a frame. `carrier` says where what carries the camera is, which is left out of the
     /// map. Detections of another frame are ignored; free space is still updated.
     pub fn observe(&mut self, map: &Map, frame: &RgbdFrame, detections: &Detections, carrier: &Carrier) -> MapUpdate {
+        self.observe_in_stages(map, frame, detections, carrier, &mut |_| {})
+    }
+
+    /// As [`Self::observe`]; `ended` is called after each stage, for whoever holds a clock.
+    pub fn observe_in_stages(
+        &mut self,
+        map: &Map,
+        frame: &RgbdFrame,
+        detections: &Detections,
+        carrier: &Carrier,
+        ended: &mut dyn FnMut(Stage),
+    ) -> MapUpdate {
         // A frame whose images do not fit its camera says nothing.
         let pixels = frame.model.pixel_count();
         if frame.color.len() != pixels || frame.depth_m.len() != pixels {
@@ -103,20 +120,27 @@ impl MapBuilder {
         let mut draft = Draft::new(map);
         // Single view parsing.
         let mut observations = self.parse(frame, detections, carrier);
+        ended(Stage::CleanPoints);
         // Pose error of this frame, from what it shows of known objects.
         let assigned = self.associate(&draft, &observations);
         let correction = self.correct(&draft, frame, &mut observations, &assigned);
         // Multi view mapping: associate one to one, fuse, start new objects.
         let assigned = if correction.is_some() { self.associate(&draft, &observations) } else { assigned };
         let world_from_camera = correction.unwrap_or_default() * frame.world_from_camera;
+        ended(Stage::Associate);
         let touched = self.fuse(&mut draft, frame, observations, assigned);
+        ended(Stage::Window);
         // Clean-up: duplicates, what is gone, what was never confirmed.
         merge::merge_duplicates(&self.config, &mut draft, &mut self.tracks, &touched);
         absence::remove_absent(&self.config, &mut draft, &mut self.tracks, frame, &world_from_camera);
+        ended(Stage::CleanUp);
         // Surroundings: free space, rooms, relations.
         let cells = self.occupancy.observe(&self.config, frame, &world_from_camera, carrier, &map.free_space);
+        ended(Stage::Occupancy);
         let rooms = self.divide_rooms(map, &mut draft, frame, cells.as_ref());
+        ended(Stage::Rooms);
         let relations = relations::relate(&self.config, &self.knowledge, &draft, &mut self.tracks);
+        ended(Stage::Relations);
         let mut changes = draft.into_changes();
         changes.extend(relations);
         changes.extend(cells);
@@ -209,25 +233,39 @@ impl MapBuilder {
         observations: Vec<Observation>,
         assigned: Vec<Option<ObjectId>>,
     ) -> Vec<ObjectId> {
+        let mut pairs: Vec<(Observation, Option<ObjectId>)> = observations.into_iter().zip(assigned).collect();
+        pairs.retain(|(observation, _)| !merged_mask::shows_two(draft, &self.tracks, observation));
+        let mut jobs = Vec::with_capacity(pairs.len());
+        for (observation, id) in pairs {
+            let known = match id {
+                Some(id) => {
+                    let Some(object) = draft.find(id).cloned() else { continue };
+                    let Some(track) = self.tracks.take(id) else { continue };
+                    Some((track, object))
+                }
+                None => None,
+            };
+            jobs.push((observation, known));
+        }
+        // Each object for itself; then in order.
+        let config = &self.config;
+        let fuse = |(observation, known): (Observation, Option<(Track, MapObject)>)| match known {
+            Some((mut track, mut object)) => {
+                track.fuse(config, &mut object, frame.stamp, observation);
+                Some((track, object, true))
+            }
+            None => Track::start(config, frame.stamp, observation).map(|(track, object)| (track, object, false)),
+        };
+        let fused: Vec<Option<(Track, MapObject, bool)>> = jobs.into_par_iter().map(fuse).collect();
         let mut touched = Vec::new();
-        for (observation, id) in observations.into_iter().zip(assigned) {
-            if merged_mask::shows_two(draft, &self.tracks, &observation) {
-                continue;
+        for (track, mut object, is_known) in fused.into_iter().flatten() {
+            if !is_known {
+                object.id = ObjectId(self.next_id);
+                self.next_id += 1;
             }
-            if let Some(id) = id {
-                if let Some(object) = draft.edit(id) {
-                    self.tracks.change(id, |track| track.fuse(&self.config, object, frame.stamp, observation));
-                    touched.push(id);
-                }
-            } else {
-                let id = ObjectId(self.next_id);
-                if let Some((track, object)) = Track::start(&self.config, id, frame.stamp, observation) {
-                    self.next_id += 1;
-                    self.tracks.insert(id, track);
-                    draft.add(object);
-                    touched.push(id);
-                }
-            }
+            touched.push(object.id);
+            self.tracks.put_back(object.id, track);
+            draft.add(object);
         }
         touched
     }
@@ -240,16 +278,24 @@ impl MapBuilder {
         frame: &RgbdFrame,
         cells: Option<&MapChange>,
     ) -> Option<Vec<Room>> {
+        let mut moved = draft.edited();
         let due = self.rooms.is_due(&self.config, frame.stamp);
         let rooms = due.then(|| {
-            let mut free: FreeSpace = map.free_space.clone();
-            if let Some(MapChange::Cells(cells)) = cells {
-                cells.iter().for_each(|(cell, state)| free.set(*cell, *state));
-            }
-            let objects = self.tracks.ids().filter_map(|id| draft.find(id));
-            self.rooms.divide(&self.config, &self.knowledge, frame.stamp, &free, &self.occupancy, objects)
+            let changed = match cells {
+                Some(MapChange::Cells(cells)) => cells.as_slice(),
+                _ => &[],
+            };
+            let eye = Point2::from(frame.world_from_camera.translation.vector.xy());
+            let part = self.rooms.find_part(&eye, &map.free_space, changed);
+            let over = self.tracks.find_over(&part.bounds);
+            let objects = over.iter().filter_map(|id| draft.find(*id));
+            let free = (&map.free_space, changed);
+            let (config, knowledge) = (&self.config, &self.knowledge);
+            let rooms =
+                self.rooms.divide(config, knowledge, frame.stamp, &part, free, &self.occupancy, &map.rooms, objects);
+            moved.extend(over);
+            rooms
         });
-        let moved: Vec<ObjectId> = if due { self.tracks.ids().collect() } else { draft.edited() };
         for id in moved {
             let Some(object) = draft.find(id) else { continue };
             let room = self.rooms.find_room(&map.free_space, &object.bounds.center.xy());

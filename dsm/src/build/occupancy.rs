@@ -47,18 +47,30 @@ struct Column {
 }
 
 /// What one frame says of one column.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Look {
+    /// Whether anything is said.
+    touched: bool,
     floor: u8,
     hits: [u8; BANDS],
     /// Bit per band that a ray crossed.
     crossed: u32,
 }
 
+/// What one frame says of the columns around its camera.
+#[derive(Clone, Debug, Default)]
+struct Looks {
+    cells: CellGrid<Look>,
+    /// Indices of the cells that the frame said something about.
+    touched: Vec<u32>,
+}
+
 /// Evidence about all columns.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Occupancy {
     columns: CellGrid<Column>,
+    /// Kept from frame to frame for its memory; empty in between.
+    looks: Looks,
 }
 
 impl Occupancy {
@@ -71,15 +83,14 @@ impl Occupancy {
         carrier: &Carrier,
         known: &FreeSpace,
     ) -> Option<MapChange> {
-        let looks = look(config, frame, world_from_camera, carrier, known);
+        look(config, frame, world_from_camera, carrier, known, &mut self.looks);
         let mut changes = Vec::new();
-        for (index, look) in looks.values().iter().enumerate() {
-            if look.floor == 0 && look.crossed == 0 && look.hits == [0; BANDS] {
-                continue;
-            }
-            let cell = looks.cell_of(index);
+        self.looks.touched.sort_unstable();
+        for index in self.looks.touched.drain(..) {
+            let cell = self.looks.cells.cell_of(index as usize);
+            let look = std::mem::take(&mut self.looks.cells.values_mut()[index as usize]);
             let column = self.columns.at_mut(cell);
-            column.count(look);
+            column.count(&look);
             let state = column.state();
             if state != CellState::Unknown && state != known.state(cell) {
                 changes.push((cell, state));
@@ -87,6 +98,11 @@ impl Occupancy {
         }
         self.stand(carrier, known, &mut changes);
         (!changes.is_empty()).then_some(MapChange::Cells(changes))
+    }
+
+    /// Bytes of its grids.
+    pub(super) fn grids_bytes(&self) -> usize {
+        self.columns.held_bytes() + self.looks.cells.held_bytes() + 4 * self.looks.touched.capacity()
     }
 
     /// Where the carrier stands there is floor and nothing else.
@@ -150,25 +166,45 @@ impl Column {
 
 /// The band at a height; `None` below the obstacles or above the headroom.
 fn band_of(config: &BuildConfig, height_m: f64) -> Option<usize> {
-    let span = config.headroom_m - config.obstacle_height_m;
-    let part = (height_m - config.obstacle_height_m) / span;
+    let part = (height_m - config.obstacle_height_m) * (1.0 / (config.headroom_m - config.obstacle_height_m));
     (0.0..1.0).contains(&part).then_some((part * BANDS as f64) as usize)
 }
 
-/// What a frame says about the columns around its camera.
+impl Looks {
+    /// The cell over a place, given in cells from the world's origin; `None` out of reach.
+    fn find(&mut self, x: f64, y: f64) -> Option<&mut Look> {
+        // As `floor`, which is a call where the processor's own is not assumed.
+        let floor = |value: f64| value as i32 - i32::from((value as i32) as f64 > value);
+        self.cells.find_index([floor(x), floor(y)]).map(|index| self.touch(index))
+    }
+
+    /// The cell of an index, of which something will be said.
+    fn touch(&mut self, index: usize) -> &mut Look {
+        let look = &mut self.cells.values_mut()[index];
+        if !look.touched {
+            look.touched = true;
+            self.touched.push(index as u32);
+        }
+        look
+    }
+}
+
+/// What a frame says about the columns around its camera; `looks` comes empty.
 fn look(
     config: &BuildConfig,
     frame: &RgbdFrame,
     world_from_camera: &Pose,
     carrier: &Carrier,
     known: &FreeSpace,
-) -> CellGrid<Look> {
+    looks: &mut Looks,
+) {
     let bodies = BoxUnion::new(&carrier.bodies, 0.03);
     let eye = Point3::from(world_from_camera.translation.vector);
     let reach = config.max_floor_depth_m * 1.5;
     let low = known.cell_at(&Point2::new(eye.x - reach, eye.y - reach));
-    let high = known.cell_at(&Point2::new(eye.x + reach, eye.y + reach));
-    let mut looks: CellGrid<Look> = CellGrid::covering(low, [high[0] + 1, high[1] + 1]);
+    let high = known.cell_at(&Point2::new(eye.x + reach, eye.y + reach)).map(|c| c + 1);
+    looks.cells.move_to(low, high);
+    let per_m = 1.0 / known.resolution_m;
     let rotation = world_from_camera.rotation.to_rotation_matrix();
     let (width, height) = (frame.model.width as usize, frame.model.height as usize);
     let stride = (width / POINTS_ACROSS).max(1);
@@ -185,26 +221,26 @@ fn look(
                 continue;
             }
             if in_range {
-                mark_hit(config, &mut looks, known, &point, depth);
+                mark_hit(config, looks, per_m, &point, depth);
             }
             let is_ray = (row / stride).is_multiple_of(RAY_STRIDE) && (column / stride).is_multiple_of(RAY_STRIDE);
             if is_ray {
-                mark_crossed(config, &mut looks, known, &eye, &point, in_range);
+                mark_crossed(config, looks, per_m, &eye, &point, in_range);
             }
         }
     }
-    looks
 }
 
-fn mark_hit(config: &BuildConfig, looks: &mut CellGrid<Look>, known: &FreeSpace, point: &Point3<f64>, depth_m: f64) {
-    let Some(index) = looks.find_index(known.cell_at(&point.xy())) else { return };
-    let look = &mut looks.values_mut()[index];
+fn mark_hit(config: &BuildConfig, looks: &mut Looks, per_m: f64, point: &Point3<f64>, depth_m: f64) {
     // Pitch errors lift far floor: 1 cm per metre.
     let tilt = 0.01 * depth_m;
     if point.z.abs() < config.floor_height_m + tilt {
-        look.floor = look.floor.saturating_add(1);
+        if let Some(look) = looks.find(point.x * per_m, point.y * per_m) {
+            look.floor = look.floor.saturating_add(1);
+        }
     } else if point.z > config.obstacle_height_m + tilt
         && let Some(band) = band_of(config, point.z)
+        && let Some(look) = looks.find(point.x * per_m, point.y * per_m)
     {
         look.hits[band] = (look.hits[band] + 1).min(MOST_POINTS);
     }
@@ -214,8 +250,8 @@ fn mark_hit(config: &BuildConfig, looks: &mut CellGrid<Look>, known: &FreeSpace,
 /// and in bands: no division and no rounding call within the loop, which is most of what a frame costs here.
 fn mark_crossed(
     config: &BuildConfig,
-    looks: &mut CellGrid<Look>,
-    known: &FreeSpace,
+    looks: &mut Looks,
+    per_m: f64,
     eye: &Point3<f64>,
     point: &Point3<f64>,
     is_hit: bool,
@@ -229,18 +265,18 @@ fn mark_crossed(
     // A ray that ends on a table top grazes all of it before: it says nothing of the height at which it ends.
     let grazed = band_of(config, point.z).filter(|_| is_hit);
     let bands_per_m = BANDS as f64 / (config.headroom_m - config.obstacle_height_m);
-    let low = looks.range().0.map(f64::from);
-    let scale = Vector3::new(1.0 / known.resolution_m, 1.0 / known.resolution_m, bands_per_m);
-    let origin = Vector3::new(low[0] * known.resolution_m, low[1] * known.resolution_m, config.obstacle_height_m);
-    let step = (ray * (known.resolution_m / flat)).component_mul(&scale);
+    let low = looks.cells.range().0.map(f64::from);
+    let scale = Vector3::new(per_m, per_m, bands_per_m);
+    let origin = Vector3::new(low[0] / per_m, low[1] / per_m, config.obstacle_height_m);
+    let step = (ray / (per_m * flat)).component_mul(&scale);
     let mut place = (eye.coords - origin).component_mul(&scale) + 0.5 * step;
-    let reach = (1.0 - RAY_MARGIN_M / length) * flat / known.resolution_m;
-    let (columns, rows) = looks.size();
+    let reach = (1.0 - RAY_MARGIN_M / length) * flat * per_m;
+    let (columns, rows) = looks.cells.size();
     for _ in 0..(reach - 0.5).ceil().max(0.0) as usize {
         let inside = place.x >= 0.0 && place.y >= 0.0 && place.z >= 0.0;
         let (column, row, band) = (place.x as usize, place.y as usize, place.z as usize);
         if inside && column < columns && row < rows && band < BANDS && grazed.is_none_or(|end| band.abs_diff(end) > 1) {
-            looks.values_mut()[row * columns + column].crossed |= 1 << band;
+            looks.touch(row * columns + column).crossed |= 1 << band;
         }
         place += step;
     }

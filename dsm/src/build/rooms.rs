@@ -2,21 +2,39 @@
 
 use super::cell_grid::CellGrid;
 use super::config::BuildConfig;
+use super::division::{Regions, clearance_m, grow_seeds, open_floor};
 use super::occupancy::Occupancy;
 use super::outline::outline;
+use crate::geometry::Aabb;
 use crate::knowledge::{Category, Knowledge};
 use crate::map::{CellState, FreeSpace, MapObject, Room, RoomId};
 use crate::time::{Span, Stamp};
-use nalgebra::Point2;
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use nalgebra::{Point2, Point3};
+use std::collections::{BTreeMap, BTreeSet};
 
-/// Divides free space and remembers the division, so that rooms keep their identity.
+/// Rooms within this distance of the camera, along the axes, are divided anew, metres: no frame changes floor farther away.
+const REACH_M: f64 = 8.0;
+
+/// Cells from the first corner (inclusive) to the second (exclusive).
+type Cells = ([i32; 2], [i32; 2]);
+
+/// Divides free space and remembers the division, so that rooms keep their identity. What a division costs follows the
+/// rooms around the camera, not all that were ever seen.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RoomSegmenter {
     /// Room identity plus one of each cell; 0 outside rooms.
     labels: CellGrid<u32>,
+    /// Where the cells of each label lie.
+    spans: BTreeMap<u32, Cells>,
     next: u32,
     last: Option<Stamp>,
+}
+
+/// What a division looks at.
+pub(super) struct Part {
+    cells: Cells,
+    /// Over these cells, whatever the height.
+    pub(super) bounds: Aabb,
 }
 
 /// One region while it is described.
@@ -29,6 +47,11 @@ struct Region {
 }
 
 impl RoomSegmenter {
+    /// Room identity plus one of each cell; 0 outside rooms.
+    pub(super) fn labels(&self) -> &CellGrid<u32> {
+        &self.labels
+    }
+
     /// Whether it is time for a new division.
     pub(super) fn is_due(&self, config: &BuildConfig, stamp: Stamp) -> bool {
         self.last.is_none_or(|last| stamp - last >= Span::from_s(config.room_interval_s))
@@ -58,25 +81,85 @@ impl RoomSegmenter {
         best.map(|(_, _, _, label)| RoomId(label - 1))
     }
 
-    /// Divides anew. `free` is the free space with all changes of this frame.
+    /// The part of the floor that the next division looks at: around the camera, with all of each room that reaches there;
+    /// everything at the first division.
+    pub(super) fn find_part(&self, eye: &Point2<f64>, free: &FreeSpace, changed: &[([i32; 2], CellState)]) -> Part {
+        let mut whole =
+            (free.origin_cell, [free.origin_cell[0] + free.columns as i32, free.origin_cell[1] + free.rows as i32]);
+        if free.cells.is_empty() {
+            whole = changed.first().map_or(whole, |(cell, _)| (*cell, *cell));
+        }
+        // Cells beyond the grid's border are as unknown as those along it.
+        whole = changed.iter().fold(whole, |all, (cell, _)| union(all, (cell.map(|c| c - 1), cell.map(|c| c + 2))));
+        let reach = (REACH_M / free.resolution_m) as i32;
+        let view = (free.cell_at(eye).map(|c| c - reach), free.cell_at(eye).map(|c| c + reach + 1));
+        let met = self.spans.values().filter(|span| meet(**span, view));
+        let around = met.fold(view, |part, span| union(part, (span.0.map(|c| c - 1), span.1.map(|c| c + 1))));
+        let cells = if self.last.is_some() { intersection(around, whole) } else { whole };
+        let corner = |cell: [i32; 2], z: f64| {
+            Point3::new(f64::from(cell[0]) * free.resolution_m, f64::from(cell[1]) * free.resolution_m, z)
+        };
+        Part { cells, bounds: Aabb { min: corner(cells.0, f64::MIN), max: corner(cells.1, f64::MAX) } }
+    }
+
+    /// Divides a part anew. `free` is the free space without the changes of this frame; `known` are the rooms so far,
+    /// `objects` those over the part.
     pub(super) fn divide<'a>(
         &mut self,
         config: &BuildConfig,
         knowledge: &Knowledge,
         stamp: Stamp,
-        free: &FreeSpace,
+        part: &Part,
+        (free, changed): (&FreeSpace, &[([i32; 2], CellState)]),
         occupancy: &Occupancy,
+        known: &[Room],
         objects: impl Iterator<Item = &'a MapObject>,
     ) -> Vec<Room> {
         self.last = Some(stamp);
-        let open = open_floor(config, free, occupancy);
+        let mut states: CellGrid<CellState> = CellGrid::covering(part.cells.0, part.cells.1);
+        for index in 0..states.values().len() {
+            states.values_mut()[index] = free.state(states.cell_of(index));
+        }
+        for (cell, state) in changed {
+            if let Some(index) = states.find_index(*cell) {
+                states.values_mut()[index] = *state;
+            }
+        }
+        let mut open = open_floor(config, &states, occupancy);
         let clearance = clearance_m(&open, free.resolution_m);
+        // Rooms that reach out of the part stay as they are.
+        let is_whole = |span: &Cells| contains(part.cells, *span);
+        let fixed: BTreeSet<u32> =
+            self.spans.iter().filter(|(_, span)| !is_whole(span)).map(|(label, _)| *label).collect();
+        let mut kept: CellGrid<u32> = CellGrid::covering(part.cells.0, part.cells.1);
+        for index in (0..open.values().len()).filter(|_| !fixed.is_empty()) {
+            let label = self.labels.get(open.cell_of(index));
+            if open.values()[index] && fixed.contains(&label) {
+                open.values_mut()[index] = false;
+                kept.values_mut()[index] = label;
+            }
+        }
         let mut labels = grow_seeds(config, &open, &clearance);
-        join_wide_contacts(config, free.resolution_m, &mut labels);
-        drop_small(config, free.resolution_m, &mut labels);
+        let mut regions = Regions::new(&labels);
+        regions.join_wide_contacts(config, free.resolution_m, &labels);
+        regions.drop_small(config, free.resolution_m, &labels);
+        regions.relabel(&mut labels);
         self.keep_identities(&mut labels);
-        self.labels = labels;
-        self.describe(knowledge, free, &clearance, objects)
+        labels.values_mut().iter_mut().zip(kept.values()).filter(|(_, kept)| **kept > 0).for_each(|(l, k)| *l = *k);
+        self.spans.retain(|label, _| fixed.contains(label));
+        for (index, &label) in labels.values().iter().enumerate() {
+            let cell = labels.cell_of(index);
+            if label > 0 && !fixed.contains(&label) {
+                let here = (cell, cell.map(|c| c + 1));
+                self.spans.entry(label).and_modify(|span| *span = union(*span, here)).or_insert(here);
+            }
+            if self.labels.get(cell) != label {
+                *self.labels.at_mut(cell) = label;
+            }
+        }
+        let rooms = self.describe(knowledge, free, &labels, &fixed, &clearance, objects);
+        let fixed = known.iter().filter(|room| fixed.contains(&(room.id.0 + 1))).cloned();
+        connect(rooms.into_iter().chain(fixed).collect())
     }
 
     /// Gives each new region the identity of the old room with which it shares most cells; the largest share first.
@@ -108,6 +191,8 @@ impl RoomSegmenter {
         &self,
         knowledge: &Knowledge,
         free: &FreeSpace,
+        labels: &CellGrid<u32>,
+        fixed: &BTreeSet<u32>,
         clearance: &[f64],
         objects: impl Iterator<Item = &'a MapObject>,
     ) -> Vec<Room> {
@@ -119,17 +204,18 @@ impl RoomSegmenter {
             }
         }
         let mut rooms: BTreeMap<u32, Region> = BTreeMap::new();
-        for (index, &label) in self.labels.values().iter().enumerate().filter(|(_, label)| **label > 0) {
+        let is_new = |label: u32| label > 0 && !fixed.contains(&label);
+        for (index, &label) in labels.values().iter().enumerate().filter(|(_, label)| is_new(**label)) {
             let entry = rooms.entry(label).or_insert_with(|| Region {
                 cells: Vec::new(),
                 center: index,
                 beside: BTreeSet::new(),
             });
-            entry.cells.push(self.labels.cell_of(index));
+            entry.cells.push(labels.cell_of(index));
             if clearance[index] > clearance[entry.center] {
                 entry.center = index;
             }
-            let beside = self.labels.neighbours(index).map(|n| self.labels.values()[n]);
+            let beside = labels.neighbours(index).map(|n| labels.values()[n]);
             entry.beside.extend(beside.filter(|other| *other > 0 && *other != label));
         }
         rooms
@@ -141,7 +227,7 @@ impl RoomSegmenter {
                     .and_then(|things| knowledge.find_room_name(things.iter().copied()))
                     .unwrap_or("room")
                     .to_owned(),
-                center: free.center_of(self.labels.cell_of(center)),
+                center: free.center_of(labels.cell_of(center)),
                 area_m2: cells.len() as f64 * free.resolution_m * free.resolution_m,
                 polygon: outline(&cells, free.resolution_m),
                 neighbours: beside.into_iter().map(|other| RoomId(other - 1)).collect(),
@@ -150,145 +236,33 @@ impl RoomSegmenter {
     }
 }
 
-/// Cells of floor, seen or beneath low furniture; small gaps in what was seen are closed.
-fn open_floor(config: &BuildConfig, free: &FreeSpace, occupancy: &Occupancy) -> CellGrid<bool> {
-    let low = free.origin_cell;
-    let high = [low[0] + free.columns as i32, low[1] + free.rows as i32];
-    let mut open: CellGrid<bool> = CellGrid::covering(low, high);
-    let mut closed: CellGrid<bool> = CellGrid::covering(low, high);
-    for (cell, state) in free.known_cells() {
-        let wall = state == CellState::Occupied && occupancy.is_wall(config, cell);
-        if let Some(index) = open.find_index(cell) {
-            open.values_mut()[index] = !wall;
-            closed.values_mut()[index] = wall;
-        }
+/// Rooms in the order of their identities, each the neighbour of its neighbours.
+fn connect(mut rooms: Vec<Room>) -> Vec<Room> {
+    rooms.sort_by_key(|room| room.id);
+    let ids: BTreeSet<RoomId> = rooms.iter().map(|room| room.id).collect();
+    let doors: BTreeSet<(RoomId, RoomId)> =
+        rooms.iter().flat_map(|room| room.neighbours.iter().map(|other| (*other, room.id))).collect();
+    for room in &mut rooms {
+        let id = room.id;
+        let back = doors.range((id, RoomId(0))..=(id, RoomId(u32::MAX))).map(|(_, other)| *other);
+        let all: BTreeSet<RoomId> = room.neighbours.iter().copied().chain(back).filter(|o| ids.contains(o)).collect();
+        room.neighbours = all.into_iter().collect();
     }
-    for _ in 0..3 {
-        let gaps: Vec<usize> = (0..open.values().len())
-            .filter(|&i| !open.values()[i] && !closed.values()[i])
-            .filter(|&i| open.neighbours(i).filter(|n| open.values()[*n]).count() >= 3)
-            .collect();
-        gaps.into_iter().for_each(|i| open.values_mut()[i] = true);
-    }
-    open
+    rooms
 }
 
-/// Distance of each open cell to what is not open, metres (3-4 chamfer, within 6 % of the Euclidean distance).
-fn clearance_m(open: &CellGrid<bool>, cell_m: f64) -> Vec<f64> {
-    let (low, high) = open.range();
-    let (columns, rows) = ((high[0] - low[0]) as isize, (high[1] - low[1]) as isize);
-    let mut steps: Vec<i32> = open.values().iter().map(|o| if *o { i32::MAX / 2 } else { 0 }).collect();
-    let mut pass = |forward: bool| {
-        for i in 0..columns * rows {
-            let index = if forward { i } else { columns * rows - 1 - i };
-            let (column, row) = (index % columns, index / columns);
-            let sign = if forward { -1 } else { 1 };
-            let mut least = steps[index as usize];
-            for (dc, dr, cost) in [(sign, 0, 3), (0, sign, 3), (sign, sign, 4), (-sign, sign, 4)] {
-                let (c, r) = (column + dc, row + dr);
-                let beside =
-                    if c < 0 || r < 0 || c >= columns || r >= rows { 0 } else { steps[(r * columns + c) as usize] };
-                least = least.min(beside + cost);
-            }
-            steps[index as usize] = if open.values()[index as usize] { least } else { 0 };
-        }
-    };
-    pass(true);
-    pass(false);
-    steps.into_iter().map(|s| f64::from(s) / 3.0 * cell_m).collect()
+fn union(a: Cells, b: Cells) -> Cells {
+    (std::array::from_fn(|i| a.0[i].min(b.0[i])), std::array::from_fn(|i| a.1[i].max(b.1[i])))
 }
 
-/// Regions wider than a doorway, grown over the rest of the open floor step by step; they meet in the doorways.
-fn grow_seeds(config: &BuildConfig, open: &CellGrid<bool>, clearance: &[f64]) -> CellGrid<u32> {
-    let (low, high) = open.range();
-    let mut labels: CellGrid<u32> = CellGrid::covering(low, high);
-    let mut next = 0;
-    let mut front = VecDeque::new();
-    let flood = |labels: &mut CellGrid<u32>, seed: usize, label: u32, wide: f64, front: &mut VecDeque<usize>| {
-        let mut stack = vec![seed];
-        labels.values_mut()[seed] = label;
-        while let Some(index) = stack.pop() {
-            front.push_back(index);
-            for n in open.neighbours(index) {
-                if labels.values()[n] == 0 && open.values()[n] && clearance[n] > wide {
-                    labels.values_mut()[n] = label;
-                    stack.push(n);
-                }
-            }
-        }
-    };
-    for (wide, grow) in [(0.5 * config.doorway_m + 0.02, true), (0.0, false)] {
-        for (seed, &free_m) in clearance.iter().enumerate() {
-            if labels.values()[seed] == 0 && open.values()[seed] && free_m > wide {
-                next += 1;
-                flood(&mut labels, seed, next, wide, &mut front);
-            }
-        }
-        while grow && let Some(index) = front.pop_front() {
-            let label = labels.values()[index];
-            for n in open.neighbours(index) {
-                if labels.values()[n] == 0 && open.values()[n] {
-                    labels.values_mut()[n] = label;
-                    front.push_back(n);
-                }
-            }
-        }
-    }
-    labels
+fn intersection(a: Cells, b: Cells) -> Cells {
+    (std::array::from_fn(|i| a.0[i].max(b.0[i])), std::array::from_fn(|i| a.1[i].min(b.1[i])))
 }
 
-/// Joins regions that meet along more than a doorway: furniture narrows a room, a wall divides it.
-fn join_wide_contacts(config: &BuildConfig, cell_m: f64, labels: &mut CellGrid<u32>) {
-    let limit = ((config.doorway_m + 0.2) / cell_m) as usize;
-    loop {
-        let mut contacts: BTreeMap<(u32, u32), BTreeSet<[i32; 2]>> = BTreeMap::new();
-        for (index, &label) in labels.values().iter().enumerate().filter(|(_, label)| **label > 0) {
-            for other in labels.neighbours(index).map(|n| labels.values()[n]).filter(|other| *other > label) {
-                contacts.entry((label, other)).or_default().insert(labels.cell_of(index));
-            }
-        }
-        let Some((&(keep, go), _)) = contacts.iter().find(|(_, cells)| largest_run(cells) > limit) else { return };
-        labels.values_mut().iter_mut().filter(|label| **label == go).for_each(|label| *label = keep);
-    }
+fn meet(a: Cells, b: Cells) -> bool {
+    (0..2).all(|i| a.0[i] < b.1[i] && b.0[i] < a.1[i])
 }
 
-/// Extent in cells of the widest connected part of a contact.
-fn largest_run(cells: &BTreeSet<[i32; 2]>) -> usize {
-    let mut left = cells.clone();
-    let mut widest = 0;
-    while let Some(seed) = left.pop_first() {
-        let (mut stack, mut low, mut high) = (vec![seed], seed, seed);
-        while let Some([x, y]) = stack.pop() {
-            low = [low[0].min(x), low[1].min(y)];
-            high = [high[0].max(x), high[1].max(y)];
-            for dy in -2..=2 {
-                for dx in -2..=2 {
-                    if left.remove(&[x + dx, y + dy]) {
-                        stack.push([x + dx, y + dy]);
-                    }
-                }
-            }
-        }
-        let extent = f64::from(high[0] - low[0] + 1).hypot(f64::from(high[1] - low[1] + 1));
-        widest = widest.max(extent as usize);
-    }
-    widest
-}
-
-/// Adds regions below the smallest area to the neighbour with the longest contact, or drops them.
-fn drop_small(config: &BuildConfig, cell_m: f64, labels: &mut CellGrid<u32>) {
-    let least = (config.min_room_m2 / (cell_m * cell_m)) as usize;
-    loop {
-        let mut areas: BTreeMap<u32, usize> = BTreeMap::new();
-        labels.values().iter().filter(|label| **label > 0).for_each(|label| *areas.entry(*label).or_default() += 1);
-        let Some((&small, _)) = areas.iter().find(|(_, area)| **area < least) else { return };
-        let mut contacts: BTreeMap<u32, usize> = BTreeMap::new();
-        for (index, _) in labels.values().iter().enumerate().filter(|(_, label)| **label == small) {
-            for other in labels.neighbours(index).map(|n| labels.values()[n]).filter(|o| *o > 0 && *o != small) {
-                *contacts.entry(other).or_default() += 1;
-            }
-        }
-        let heir = contacts.iter().fold((0, 0), |best, (&label, &n)| if n > best.1 { (label, n) } else { best }).0;
-        labels.values_mut().iter_mut().filter(|label| **label == small).for_each(|label| *label = heir);
-    }
+fn contains(outer: Cells, inner: Cells) -> bool {
+    union(outer, inner) == outer
 }

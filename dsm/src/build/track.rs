@@ -38,13 +38,8 @@ impl Track {
         Self { window, aabb, surfaces, absent: 0, seen: VecDeque::new(), related: None }
     }
 
-    /// The first observation of a new object.
-    pub(super) fn start(
-        config: &BuildConfig,
-        id: ObjectId,
-        stamp: Stamp,
-        observation: Observation,
-    ) -> Option<(Self, MapObject)> {
+    /// The first observation of a new object, whose identity is not given yet.
+    pub(super) fn start(config: &BuildConfig, stamp: Stamp, observation: Observation) -> Option<(Self, MapObject)> {
         let mut track = Self {
             window: Window::new(&observation.bounds),
             aabb: observation.bounds,
@@ -54,7 +49,7 @@ impl Track {
             related: None,
         };
         let mut object = MapObject {
-            id,
+            id: ObjectId(u64::MAX),
             state: ObjectState::Provisional,
             names: Votes::default(),
             points: Vec::new(),

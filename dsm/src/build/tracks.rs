@@ -46,6 +46,16 @@ impl Tracks {
         Some(result)
     }
 
+    /// Takes a track out to change it elsewhere; [`Self::put_back`] must follow. Until then only its place is known.
+    pub(super) fn take(&mut self, id: ObjectId) -> Option<Track> {
+        self.by_id.remove(&id)
+    }
+
+    /// Puts a track back that was taken out; the index follows its box.
+    pub(super) fn put_back(&mut self, id: ObjectId, track: Track) {
+        self.insert(id, track);
+    }
+
     /// Tracks whose boxes meet `bounds`, in order of identity.
     pub(super) fn find_near(&self, bounds: &Aabb) -> Vec<ObjectId> {
         let mut found = self.find_over(bounds);

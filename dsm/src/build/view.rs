@@ -77,6 +77,11 @@ impl View {
         }
     }
 
+    /// Bytes of its copy of mask and depth.
+    pub(super) fn cell_bytes(&self) -> usize {
+        self.cells.capacity() * size_of::<f32>()
+    }
+
     /// Moves the camera by a correction of its pose.
     pub(super) fn transform(&mut self, correction: &Isometry3<f32>) {
         let inverse = correction.inverse();

@@ -72,6 +72,16 @@ impl Window {
         window
     }
 
+    /// Bytes of its voxels.
+    pub(super) fn voxel_bytes(&self) -> usize {
+        self.voxels.capacity() * size_of::<Voxel>()
+    }
+
+    /// Its views, oldest first.
+    pub(super) fn views(&self) -> &[View] {
+        &self.views
+    }
+
     /// Adds a view with its points and evicts what exceeds the window. Points count by the square of their accuracy.
     pub(super) fn add(&mut self, config: &BuildConfig, view: View, points: &[MapPoint], center: &Point3<f64>) {
         if !config.window {

@@ -1,6 +1,8 @@
 //! What is true of a scene and what a drive has seen of it.
 
 use super::TrueRoom;
+use super::class_file::{LabelClass, LabelClasses};
+use super::labelled_cloud::{LabelledCloud, LabelledPoint};
 use crate::geometry::OrientedBox;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -60,6 +62,31 @@ pub struct TrueScene {
     pub rooms: Vec<TrueRoom>,
     /// Its objects. Walls, floors and doors are none.
     pub objects: Vec<TrueThing>,
+}
+
+impl TrueScene {
+    /// What its things are, in alphabetical order.
+    pub(super) fn categories(&self) -> Vec<&str> {
+        let mut categories: Vec<&str> = self.objects.iter().map(|thing| thing.category.as_str()).collect();
+        categories.sort_unstable();
+        categories.dedup();
+        categories
+    }
+
+    /// The surface that was seen as a labelled cloud, and what its labels mean: one class per category, numbered from 1 in
+    /// alphabetical order.
+    pub fn to_labelled(&self) -> (LabelledCloud, LabelClasses) {
+        let categories = self.categories();
+        let mut points = Vec::new();
+        for thing in &self.objects {
+            let Ok(place) = categories.binary_search(&thing.category.as_str()) else { continue };
+            let label = place as i64 + 1;
+            let seen = thing.points.iter().filter(|point| point.seen);
+            points.extend(seen.map(|p| LabelledPoint { position: p.position, label, area_m2: p.area_m2 }));
+        }
+        let class = |(name, label): (&&str, i64)| LabelClass { label, name: (*name).to_owned(), exclude: false };
+        (LabelledCloud { points }, LabelClasses::new(categories.iter().zip(1..).map(class).collect()))
+    }
 }
 
 impl TrueThing {

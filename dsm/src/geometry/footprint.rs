@@ -8,7 +8,7 @@ fn cross(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
 
 /// The convex hull of the points, counter-clockwise without repeated corners (Andrew's monotone chain).
 pub fn convex_hull(points: &[Point2<f64>]) -> Vec<Point2<f64>> {
-    let mut sorted = points.to_vec();
+    let mut sorted = drop_inner(points);
     sorted.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     sorted.dedup();
     if sorted.len() < 3 {
@@ -31,6 +31,33 @@ pub fn convex_hull(points: &[Point2<f64>]) -> Vec<Point2<f64>> {
     let mut hull = half(&mut sorted.iter().copied());
     hull.extend(half(&mut sorted.iter().rev().copied()));
     hull
+}
+
+/// The points without most of those that cannot be corners of their hull: what lies well inside the outline of the extreme
+/// points in eight directions (Akl and Toussaint).
+fn drop_inner(points: &[Point2<f64>]) -> Vec<Point2<f64>> {
+    const FEW: usize = 64;
+    const WELL_M: f64 = 1e-6;
+    if points.len() < FEW {
+        return points.to_vec();
+    }
+    let mut extremes = [points[0]; 8];
+    let mut reach = [f64::NEG_INFINITY; 8];
+    for p in points {
+        // Counter-clockwise from +x.
+        let along = [p.x, p.x + p.y, p.y, p.y - p.x, -p.x, -p.x - p.y, -p.y, p.x - p.y];
+        for (i, value) in along.into_iter().enumerate() {
+            if value > reach[i] {
+                (reach[i], extremes[i]) = (value, *p);
+            }
+        }
+    }
+    let sides: Vec<(Point2<f64>, Vector2<f64>)> = (0..8)
+        .filter_map(|i| Some((extremes[i], (extremes[(i + 1) % 8] - extremes[i]).try_normalize(WELL_M)?)))
+        .collect();
+    let is_inner =
+        |p: &Point2<f64>| !sides.is_empty() && sides.iter().all(|(from, along)| cross(*along, p - from) > WELL_M);
+    points.iter().filter(|p| !is_inner(p)).copied().collect()
 }
 
 /// Direction (unit vector) of a side of the upright rectangle that fits points seen from some sides only, with `hull`
@@ -132,6 +159,25 @@ pub fn distance_m(first: &[Point2<f64>], second: &[Point2<f64>]) -> f64 {
 mod tests {
     //! Contract: hull, rectangle, overlap and distance agree with shapes known by hand.
     use super::*;
+
+    #[test]
+    fn points_inside_change_no_hull() {
+        let place = |i: i32| {
+            let (angle, radius) = (f64::from(i) * 2.4, (f64::from(i) / 500.0).sqrt());
+            Point2::new(3.0 + 2.0 * radius * angle.cos(), radius * angle.sin())
+        };
+        let many: Vec<Point2<f64>> = (0..500).map(place).collect();
+        let kept = drop_inner(&many);
+        assert!(kept.len() < 200, "{}", kept.len());
+        let hull = convex_hull(&many);
+        assert_eq!(hull, convex_hull(&kept));
+        let outside =
+            |p: &Point2<f64>| (0..hull.len()).any(|i| cross(hull[(i + 1) % hull.len()] - hull[i], p - hull[i]) < -1e-9);
+        assert!(!many.iter().any(outside));
+        // On one line nothing is inside.
+        let line: Vec<Point2<f64>> = (0..100).map(|i| Point2::new(f64::from(i), 2.0 * f64::from(i))).collect();
+        assert_eq!(drop_inner(&line).len(), 100);
+    }
 
     fn square(x: f64, y: f64, side: f64) -> Vec<Point2<f64>> {
         vec![Point2::new(x, y), Point2::new(x + side, y), Point2::new(x + side, y + side), Point2::new(x, y + side)]

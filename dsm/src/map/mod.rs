@@ -1,6 +1,7 @@
 //! The map: objects, relations, rooms and free space, and the one way to change it.
 
 mod attributes;
+mod copies;
 mod free_space;
 mod object;
 mod relation;
@@ -9,6 +10,7 @@ mod update;
 mod votes;
 
 pub use attributes::{AttributeKind, Attributes};
+pub use copies::copy_beside;
 pub use free_space::{CellState, FreeSpace};
 pub use object::{MapObject, MapPoint, ObjectId, ObjectState};
 pub use relation::{Relation, RelationKind};

@@ -43,18 +43,37 @@ fn key(relation: &Relation) -> (ObjectId, ObjectId, RelationKind) {
     (relation.from, relation.to, relation.kind)
 }
 
-/// Two sorted lists as one.
-fn merge_sorted(first: impl Iterator<Item = Relation>, second: impl Iterator<Item = Relation>) -> Vec<Relation> {
-    let (mut first, mut second) = (first.peekable(), second.peekable());
-    let mut merged = Vec::with_capacity(first.size_hint().0 + second.size_hint().0);
-    while let Some(next) = match (first.peek(), second.peek()) {
-        (Some(a), Some(b)) if key(b) < key(a) => second.next(),
-        (Some(_), _) => first.next(),
-        (None, _) => second.next(),
-    } {
-        merged.push(next);
+/// Replaces the relations that start at `about` by `new`; both lists are sorted. Costs little where nothing changes in
+/// number, and no more than a copy of the list otherwise.
+fn replace_outgoing(relations: &mut Vec<Relation>, about: Vec<ObjectId>, new: Vec<Relation>) {
+    let mut ids: BTreeSet<ObjectId> = about.into_iter().collect();
+    // What starts elsewhere was not announced, but is taken.
+    let announced = ids.clone();
+    ids.extend(new.iter().map(|relation| relation.from));
+    let outgoing = |list: &[Relation], id: ObjectId| {
+        let from = list.partition_point(|relation| relation.from < id);
+        from..from + list[from..].partition_point(|relation| relation.from == id)
+    };
+    let spans: Vec<_> = ids.iter().map(|id| (*id, outgoing(relations, *id), outgoing(&new, *id))).collect();
+    if spans.iter().all(|(id, old, new)| old.len() == new.len() && announced.contains(id)) {
+        for (_, old, fresh) in spans {
+            relations[old].clone_from_slice(&new[fresh]);
+        }
+        return;
     }
-    merged
+    let mut merged = Vec::with_capacity(relations.len() + new.len());
+    let mut done = 0;
+    for (id, old, fresh) in spans {
+        merged.extend_from_slice(&relations[done..old.start]);
+        let kept = if announced.contains(&id) { old.start..old.start } else { old.clone() };
+        let first = merged.len();
+        merged.extend_from_slice(&relations[kept]);
+        merged.extend_from_slice(&new[fresh]);
+        merged[first..].sort_by_key(key);
+        done = old.end;
+    }
+    merged.extend_from_slice(&relations[done..]);
+    *relations = merged;
 }
 
 /// The changes that follow from one frame.
@@ -122,12 +141,10 @@ impl Map {
                     }
                 }
                 MapChange::Relate { about, relations } => {
-                    let about: BTreeSet<_> = about.into_iter().collect();
                     let known = |r: &Relation| self.objects.contains_key(&r.from) && self.objects.contains_key(&r.to);
                     let mut new: Vec<Relation> = relations.into_iter().filter(known).collect();
                     new.sort_by_key(key);
-                    let kept = std::mem::take(&mut self.relations).into_iter().filter(|r| !about.contains(&r.from));
-                    self.relations = merge_sorted(kept, new.into_iter());
+                    replace_outgoing(&mut self.relations, about, new);
                 }
                 MapChange::Rooms(rooms) => self.rooms = rooms,
                 MapChange::Cells(cells) => cells.into_iter().for_each(|(cell, state)| self.free_space.set(cell, state)),
@@ -149,5 +166,46 @@ impl Map {
     /// A room by identity.
     pub fn find_room(&self, id: super::room::RoomId) -> Option<&Room> {
         self.rooms.iter().find(|room| room.id == id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: relations that start at an object are replaced by its new ones, whatever their number; all others stay.
+    use super::*;
+    use proptest::prelude::*;
+
+    fn relation(from: u64, to: u64, kind: usize) -> Relation {
+        let kind = [RelationKind::On, RelationKind::Near, RelationKind::NextTo][kind % 3];
+        Relation { from: ObjectId(from), to: ObjectId(to), kind, confidence: 1.0 }
+    }
+
+    proptest! {
+        #[test]
+        fn outgoing_relations_are_replaced(
+            old in proptest::collection::btree_set((0u64..6, 0u64..6, 0usize..3), 0..30),
+            about in proptest::collection::vec(0u64..8, 0..6),
+            new in proptest::collection::btree_set((0u64..8, 0u64..6, 0usize..3), 0..20),
+            keep_count in any::<bool>(),
+        ) {
+            let sorted = |set: &BTreeSet<(u64, u64, usize)>| {
+                let mut list: Vec<Relation> = set.iter().map(|(f, t, k)| relation(*f, *t, *k)).collect();
+                list.sort_by_key(key);
+                list
+            };
+            let about: Vec<ObjectId> = about.into_iter().map(ObjectId).collect();
+            let old = sorted(&old);
+            let new: Vec<Relation> = if keep_count {
+                // As many as before for each object.
+                old.iter().filter(|r| about.contains(&r.from)).map(|r| Relation { confidence: 0.5, ..r.clone() }).collect()
+            } else {
+                sorted(&new).into_iter().filter(|r| about.contains(&r.from)).collect()
+            };
+            let mut found = old.clone();
+            replace_outgoing(&mut found, about.clone(), new.clone());
+            let mut wanted: Vec<Relation> = old.into_iter().filter(|r| !about.contains(&r.from)).chain(new).collect();
+            wanted.sort_by_key(key);
+            prop_assert_eq!(found, wanted);
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! `dsm bench`: one table of speeds that can be quoted. The only command whose results are wall times.
 
+use super::bench_map::{Drive, KEPT_FRAMES, SeenFrame, measure_updates};
 use super::run::set_threads;
 use super::{Output, ResultArgs, WorldArgs};
 use crate::assemble::{Assembled, assemble, grounder, knowledge};
@@ -10,6 +11,7 @@ use crate::settings::Settings;
 use dsm::build::{BuildConfig, Carrier, MapBuilder};
 use dsm::camera::CameraModel;
 use dsm::map::Map;
+use dsm::perceive::{Detector, PixelSegmenter};
 use dsm::raster::look_at;
 use dsm::time::Span;
 use dsm_robot::drivers::{Robot, Twist};
@@ -17,6 +19,7 @@ use dsm_sim::camera::{CameraRig, LightDraw, TrueImage};
 use dsm_sim::scene::SceneModel;
 use nalgebra::Point3;
 use serde::Serialize;
+use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -50,17 +53,17 @@ struct Table {
 
 /// One line of the table.
 #[derive(Debug, Serialize)]
-struct Row {
+pub(super) struct Row {
     /// What is measured.
-    what: &'static str,
+    pub(super) what: &'static str,
     /// Rate or time.
-    value: f64,
+    pub(super) value: f64,
     /// Its unit.
-    unit: &'static str,
+    pub(super) unit: &'static str,
     /// Number of measurements.
-    count: usize,
+    pub(super) count: usize,
     /// Simulated seconds that pass in a second of this stage alone; the loop needs all stages.
-    real_time_factor: Option<f64>,
+    pub(super) real_time_factor: Option<f64>,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -118,7 +121,9 @@ pub(super) fn run(args: BenchArgs) -> anyhow::Result<u8> {
     };
     let mut rows = Vec::new();
     let (bodies, triangles) = measure_raster(&spec, &mut rows)?;
-    let map = measure_parts(&spec, &mut rows)?;
+    let drive = measure_parts(&spec, &mut rows)?;
+    measure_updates(&drive, &mut rows)?;
+    let map = drive.map;
     measure_grounding(&map, &args.words, &mut rows)?;
     measure_episode(&spec, &mut rows)?;
     let table = Table { threads, bodies, triangles, rows };
@@ -151,14 +156,16 @@ fn measure_raster(spec: &RunSpec, rows: &mut Vec<Row>) -> anyhow::Result<(usize,
 }
 
 /// Physics, camera, detector and mapping, one after the other, while the robot turns on the spot.
-fn measure_parts(spec: &RunSpec, rows: &mut Vec<Row>) -> anyhow::Result<Map> {
+fn measure_parts(spec: &RunSpec, rows: &mut Vec<Row>) -> anyhow::Result<Drive> {
     const PERIOD: Span = Span(10_000_000);
     const TURN_RAD_PER_S: f64 = 0.5;
     let Assembled { mut robot, model, mut detector, .. } = assemble(spec)?;
     let mut builder = MapBuilder::new(BuildConfig::default(), knowledge()?);
     let mut map = Map::new(crate::run::CELL_M);
-    let (mut steps, mut frames, mut detecting, mut mapping) =
-        (Watch::default(), Watch::default(), Watch::default(), Watch::default());
+    let (mut steps, mut frames, mut detecting, mut segmenting, mut mapping) =
+        (Watch::default(), Watch::default(), Watch::default(), Watch::default(), Watch::default());
+    let mut segmenter = PixelSegmenter;
+    let mut seen: VecDeque<SeenFrame> = VecDeque::new();
     let robot: &mut dyn Robot = robot.as_mut();
     for _ in 0..(spec.time_limit_s / PERIOD.as_s()) as usize {
         robot.base().command(Twist { forward_m_per_s: 0.0, turn_rad_per_s: TURN_RAD_PER_S })?;
@@ -178,6 +185,11 @@ fn measure_parts(spec: &RunSpec, rows: &mut Vec<Row>) -> anyhow::Result<Map> {
             let update = builder.observe(&map, &frame, &detections, &carrier);
             map.apply(update);
         });
+        segmenting.time(|| segmenter.detect(&frame));
+        if seen.len() == KEPT_FRAMES {
+            seen.pop_front();
+        }
+        seen.push_back(SeenFrame { frame, detections, carrier });
     }
     // A control period is several steps.
     let step = dsm_sim::physics::PhysicsConfig::default().step;
@@ -185,8 +197,9 @@ fn measure_parts(spec: &RunSpec, rows: &mut Vec<Row>) -> anyhow::Result<Map> {
     rows.push(steps.rate("physics with the whole scene", "steps/s", step.as_s()));
     rows.push(frames.mean_ms("camera frame with sensor noise", Some(FRAME_PERIOD_S)));
     rows.push(detecting.mean_ms("simulated detector, a frame", Some(FRAME_PERIOD_S)));
+    rows.push(segmenting.mean_ms("segmenter in pixels alone, a frame", Some(FRAME_PERIOD_S)));
     rows.push(mapping.mean_ms("mapping, a frame", Some(FRAME_PERIOD_S)));
-    Ok(map)
+    Ok(Drive { map, frames: seen.into() })
 }
 
 fn measure_grounding(map: &Map, words: &str, rows: &mut Vec<Row>) -> Result<(), TaskError> {

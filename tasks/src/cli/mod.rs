@@ -1,10 +1,12 @@
 //! The command line: flags are parsed here and checked before anything runs.
 
 mod bench;
+mod bench_map;
 mod eval;
 mod eval_episodes;
 mod eval_grounding;
 mod eval_map;
+mod eval_segmentation;
 mod explore;
 mod ground;
 mod info;
@@ -86,6 +88,8 @@ pub enum PerceptionChoice {
     Noisy,
     /// Everything as it is, for comparison.
     Oracle,
+    /// The sensors of `noisy`; things are found in pixels alone, by the embedded segmenter without labels or names.
+    Pixels,
 }
 
 /// Where results go.

@@ -1,9 +1,10 @@
-//! `dsm scene`: generate, import and check.
+//! `dsm scene`: generate, import, label and check.
 
 use super::output::prepare_scene_folder;
 use super::{Output, ResultArgs};
 use crate::error::TaskError;
 use dsm::store::write_atomically;
+use dsm_sim::replay::label_surfaces;
 use dsm_sim::scene::{
     GeneratedScene, HomeConfig, ImportError, Located, RobotSize, check_scene, generate_home, import_ithor,
 };
@@ -41,6 +42,23 @@ pub enum SceneCommand {
         #[command(flatten)]
         result: ResultArgs,
     },
+    /// Write the visible surface of a scene as a labelled cloud (labelled.ply) and what its labels mean (classes.toml): the
+    /// truth for `dsm eval segmentation`. Things lie where a run with this seed finds them.
+    Labels {
+        /// A scene: its folder or its MJCF file.
+        scene: PathBuf,
+        /// Seed of the placements.
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        /// Folder of the two files.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+        /// Write the cloud as text instead of binary.
+        #[arg(long)]
+        ascii: bool,
+        #[command(flatten)]
+        result: ResultArgs,
+    },
     /// Look for interpenetration, falling objects, rooms that cannot be reached and names that do not fit; code 1 when
     /// something is found.
     Check {
@@ -73,6 +91,14 @@ struct SceneReport {
 }
 
 #[derive(Serialize)]
+struct LabelsReport {
+    cloud: PathBuf,
+    class_file: PathBuf,
+    points: usize,
+    classes: usize,
+}
+
+#[derive(Serialize)]
 struct WrittenReport {
     scene: String,
     folder: PathBuf,
@@ -98,6 +124,7 @@ pub(super) fn run(command: SceneCommand) -> anyhow::Result<u8> {
             let made = import_ithor(&text, seed).map_err(|error| TaskError::Usage(wrong(error)))?;
             write(&made, &target, result)
         }
+        SceneCommand::Labels { scene, seed, out, ascii, result } => labels(&scene, seed, &out, ascii, result),
         SceneCommand::Check { scene, result } => check(&scene, result),
     }
 }
@@ -129,6 +156,23 @@ pub(super) fn write_scene(scene: &GeneratedScene, folder: &Path, force: bool) ->
         write_atomically(&path, bytes)?;
     }
     Ok(())
+}
+
+fn labels(scene: &Path, seed: u64, out: &Path, ascii: bool, result: ResultArgs) -> anyhow::Result<u8> {
+    let (cloud, classes) = label_surfaces(scene, seed).map_err(TaskError::from)?;
+    std::fs::create_dir_all(out).map_err(|source| TaskError::Read { path: out.to_owned(), source })?;
+    let report = LabelsReport {
+        cloud: out.join("labelled.ply"),
+        class_file: out.join("classes.toml"),
+        points: cloud.points.len(),
+        classes: classes.classes.len(),
+    };
+    write_atomically(&report.class_file, classes.to_toml().as_bytes())?;
+    write_atomically(&report.cloud, &cloud.to_ply(!ascii))?;
+    Output::new(result).give(&report, || {
+        format!("{}: {} points of {} classes", report.cloud.display(), report.points, report.classes)
+    })?;
+    Ok(0)
 }
 
 fn check(scene: &Path, result: ResultArgs) -> anyhow::Result<u8> {

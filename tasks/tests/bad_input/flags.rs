@@ -19,7 +19,7 @@ refuse! {
     physics_not_built_in: Bench::new(), ["run", "episode.toml", "--physics", "mujoco"],
         ["physics `mujoco` is not built in", "rapier"];
     unknown_perception: Bench::new(), ["run", "episode.toml", "--perception", "perfect"],
-        ["'perfect' for '--perception", "possible values: noisy, oracle"];
+        ["'perfect' for '--perception", "possible values: noisy, oracle, pixels"];
     unknown_robot: Bench::new(), ["run", "episode.toml", "--robot", "portr"],
         ["robot `portr`", "expected the path of a robot.toml, or one of: porter"];
     unknown_robot_to_check: Bench::new(), ["robot", "check", "butler"], ["robot `butler`", "one of: porter"];
@@ -27,7 +27,7 @@ refuse! {
     seed_variable_is_no_number: Bench::new().variable("DSM_SEED", "one"), ["run", "episode.toml"],
         ["environment variable DSM_SEED is `one`"];
     perception_variable_is_unknown: Bench::new().variable("DSM_PERCEPTION", "perfect"), ["run", "episode.toml"],
-        ["perception is `perfect`; expected noisy or oracle"];
+        ["perception is `perfect`; expected noisy, oracle or pixels"];
     threads_variable_is_zero: Bench::new().variable("DSM_THREADS", "0"), ["run", "episode.toml"],
         ["threads is 0; expected 1 to 256"];
     seeds_run_backwards: Bench::new(), ["suite", "episode.toml", "--seeds", "9..2"],

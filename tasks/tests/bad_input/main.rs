@@ -11,3 +11,4 @@ mod known_boxes;
 mod maps;
 mod robots;
 mod scenes;
+mod segmentation;
