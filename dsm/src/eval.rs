@@ -19,7 +19,7 @@ pub use referring::{Answered, GroundingReport, answer_expressions, pool_answers}
 pub use scene::{SurfacePoint, TrueAttributes, TrueScene, TrueThing};
 pub use score::{MapScore, score_map};
 pub use segmentation::describe;
-pub use statistics::{Estimate, F1Count, MapReport, Mean, Share, pool};
+pub use statistics::{Estimate, F1Count, MapReport, Mean, Method, Share, compare, pool};
 
 use crate::Pose;
 use crate::geometry::OrientedBox;

@@ -18,12 +18,14 @@ mod carrier;
 mod cell_grid;
 mod config;
 mod draft;
+mod floor;
 mod merge;
 mod merged_mask;
 mod observation;
 mod occupancy;
 mod outline;
 mod relations;
+mod rest;
 mod rooms;
 mod track;
 mod tracks;
@@ -44,6 +46,7 @@ use crate::perceive::{
 use draft::Draft;
 use observation::{Encoders, Observation, find_observation};
 use occupancy::Occupancy;
+use nalgebra::Point3;
 use rayon::prelude::*;
 use rooms::RoomSegmenter;
 use std::sync::Arc;
@@ -52,6 +55,10 @@ use tracks::Tracks;
 
 /// Names that are structure, not objects: they shape only the free space.
 const STRUCTURE: [&str; 5] = ["wall", "floor", "ceiling", "room", "ground"];
+
+fn is_structure(knowledge: &Knowledge, name: &str) -> bool {
+    STRUCTURE.contains(&knowledge.find(name).map_or(name, |category| &*category.name))
+}
 
 /// Builds a map from frames.
 pub struct MapBuilder {
@@ -105,13 +112,15 @@ impl MapBuilder {
         let mut observations = self.parse(frame, detections, carrier);
         // Pose error of this frame, from what it shows of known objects.
         let assigned = self.associate(&draft, &observations);
-        let correction = self.correct(&draft, frame, &mut observations, &assigned);
+        let floor = if self.config.align { self.find_floor(frame, detections, carrier) } else { Vec::new() };
+        let correction = self.correct(&draft, frame, &mut observations, &assigned, &floor);
         // Multi view mapping: associate one to one, fuse, start new objects.
         let assigned = if correction.is_some() { self.associate(&draft, &observations) } else { assigned };
         let world_from_camera = correction.unwrap_or_default() * frame.world_from_camera;
         let touched = self.fuse(&mut draft, frame, observations, assigned);
-        // Clean-up: duplicates, what is gone, what was never confirmed.
+        // Clean-up: duplicates, lower sides, what is gone, what was never confirmed.
         merge::merge_duplicates(&self.config, &mut draft, &mut self.tracks, &touched);
+        rest::settle(&mut draft, &self.tracks, &touched);
         absence::remove_absent(&self.config, &mut draft, &mut self.tracks, frame, &world_from_camera);
         // Surroundings: free space, rooms, relations.
         let cells = self.occupancy.observe(&self.config, frame, &world_from_camera, carrier, &map.free_space);
@@ -150,13 +159,20 @@ impl MapBuilder {
             .items
             .par_iter()
             .filter_map(|detection| {
-                let name = self.knowledge.find(&detection.name).map_or(&*detection.name, |c| &*c.name);
-                if STRUCTURE.contains(&name) {
+                if is_structure(&self.knowledge, &detection.name) {
                     return None;
                 }
-                find_observation(&self.config, &self.encoders, frame, detection, carrier, name)
+                let category = self.knowledge.find(&detection.name);
+                find_observation(&self.config, &self.encoders, frame, detection, carrier, category)
             })
             .collect()
+    }
+
+    /// Floor in view, from outside the masks of things.
+    fn find_floor(&self, frame: &RgbdFrame, detections: &Detections, carrier: &Carrier) -> Vec<Point3<f64>> {
+        let things = detections.items.iter().filter(|_| detections.frame == frame.id);
+        let things = things.filter(|item| !is_structure(&self.knowledge, &item.name));
+        floor::find_floor(frame, things.map(|item| &item.mask), carrier)
     }
 
     fn associate(&self, draft: &Draft, observations: &[Observation]) -> Vec<Option<ObjectId>> {
@@ -188,6 +204,7 @@ impl MapBuilder {
         frame: &RgbdFrame,
         observations: &mut [Observation],
         assigned: &[Option<ObjectId>],
+        floor: &[Point3<f64>],
     ) -> Option<Pose> {
         if !self.config.align {
             return None;
@@ -196,7 +213,7 @@ impl MapBuilder {
         let pairs: Vec<_> =
             observations.iter().zip(assigned).filter_map(|(o, id)| Some((o, stable(id.as_ref()?)?))).collect();
         let eye = frame.world_from_camera.translation.vector.into();
-        let correction = align::find_correction(&pairs, &eye)?;
+        let correction = align::find_correction(&pairs, floor, &eye)?;
         observations.iter_mut().for_each(|observation| observation.transform(&correction));
         Some(correction)
     }

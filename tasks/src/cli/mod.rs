@@ -2,6 +2,7 @@
 
 mod bench;
 mod eval;
+mod eval_drives;
 mod eval_episodes;
 mod eval_grounding;
 mod eval_map;
