@@ -6,6 +6,8 @@
 mod color;
 mod describer;
 mod text;
+mod texture;
+mod tone;
 mod visual;
 
 pub use color::{ColorName, ColorTable};
