@@ -19,6 +19,7 @@ mod cell_grid;
 mod config;
 mod division;
 mod draft;
+mod floor;
 mod memory;
 mod merge;
 mod merged_mask;
@@ -26,6 +27,7 @@ mod observation;
 mod occupancy;
 mod outline;
 mod relations;
+mod rest;
 mod rooms;
 mod stage;
 mod track;
@@ -46,7 +48,7 @@ use crate::perceive::{
     ColorShapeEncoder, Describer, Detections, KnowledgeDescriber, KnowledgeTextEncoder, TextEncoder, VisualEncoder,
 };
 use draft::Draft;
-use nalgebra::Point2;
+use nalgebra::{Point2, Point3};
 use observation::{Encoders, Observation, find_observation};
 use occupancy::Occupancy;
 use rayon::prelude::*;
@@ -57,6 +59,15 @@ use tracks::Tracks;
 
 /// Names that are structure, not objects: they shape only the free space.
 const STRUCTURE: [&str; 5] = ["wall", "floor", "ceiling", "room", "ground"];
+
+/// Times that a frame's pose is corrected at most.
+const CORRECTIONS: usize = 2;
+/// Move of the camera from which it is corrected once more, metres.
+const LARGE_MOVE_M: f64 = 0.04;
+
+fn is_structure(knowledge: &Knowledge, name: &str) -> bool {
+    STRUCTURE.contains(&knowledge.find(name).map_or(name, |category| &*category.name))
+}
 
 /// Builds a map from frames.
 pub struct MapBuilder {
@@ -121,17 +132,15 @@ impl MapBuilder {
         // Single view parsing.
         let mut observations = self.parse(frame, detections, carrier);
         ended(Stage::CleanPoints);
-        // Pose error of this frame, from what it shows of known objects.
-        let assigned = self.associate(&draft, &observations);
-        let correction = self.correct(&draft, frame, &mut observations, &assigned);
-        // Multi view mapping: associate one to one, fuse, start new objects.
-        let assigned = if correction.is_some() { self.associate(&draft, &observations) } else { assigned };
-        let world_from_camera = correction.unwrap_or_default() * frame.world_from_camera;
+        // Multi view mapping: associate one to one, take out this frame's pose error, fuse, start new objects.
+        let floor = if self.config.align { self.find_floor(frame, detections, carrier) } else { Vec::new() };
+        let (assigned, world_from_camera) = self.locate(&draft, frame, &mut observations, floor);
         ended(Stage::Associate);
         let touched = self.fuse(&mut draft, frame, observations, assigned);
         ended(Stage::Window);
-        // Clean-up: duplicates, what is gone, what was never confirmed.
+        // Clean-up: duplicates, lower sides, what is gone, what was never confirmed.
         merge::merge_duplicates(&self.config, &mut draft, &mut self.tracks, &touched);
+        rest::settle(&mut draft, &self.tracks, &touched);
         absence::remove_absent(&self.config, &mut draft, &mut self.tracks, frame, &world_from_camera);
         ended(Stage::CleanUp);
         // Surroundings: free space, rooms, relations.
@@ -174,13 +183,20 @@ impl MapBuilder {
             .items
             .par_iter()
             .filter_map(|detection| {
-                let name = self.knowledge.find(&detection.name).map_or(&*detection.name, |c| &*c.name);
-                if STRUCTURE.contains(&name) {
+                if is_structure(&self.knowledge, &detection.name) {
                     return None;
                 }
-                find_observation(&self.config, &self.encoders, frame, detection, carrier, name)
+                let category = self.knowledge.find(&detection.name);
+                find_observation(&self.config, &self.encoders, frame, detection, carrier, category)
             })
             .collect()
+    }
+
+    /// Floor in view, from outside the masks of things.
+    fn find_floor(&self, frame: &RgbdFrame, detections: &Detections, carrier: &Carrier) -> Vec<Point3<f64>> {
+        let things = detections.items.iter().filter(|_| detections.frame == frame.id);
+        let things = things.filter(|item| !is_structure(&self.knowledge, &item.name));
+        floor::find_floor(frame, things.map(|item| &item.mask), carrier)
     }
 
     fn associate(&self, draft: &Draft, observations: &[Observation]) -> Vec<Option<ObjectId>> {
@@ -205,13 +221,39 @@ impl MapBuilder {
         assigned.into_iter().map(|candidate| candidate.map(|c| candidates[c])).collect()
     }
 
-    /// Moves the observations by the frame's pose error, if it can be told.
-    fn correct(
+    /// Associates the observations and moves them by the frame's pose error, if it can be told; again after a large move,
+    /// which brings small things within reach. Gives the objects of the observations and the corrected pose.
+    fn locate(
         &self,
         draft: &Draft,
         frame: &RgbdFrame,
         observations: &mut [Observation],
+        mut floor: Vec<Point3<f64>>,
+    ) -> (Vec<Option<ObjectId>>, Pose) {
+        let mut world_from_camera = frame.world_from_camera;
+        let mut assigned = self.associate(draft, observations);
+        for _ in 0..CORRECTIONS {
+            let eye = world_from_camera.translation.vector.into();
+            let Some(correction) = self.find_correction(draft, observations, &assigned, &floor, &eye) else { break };
+            observations.iter_mut().for_each(|observation| observation.transform(&correction));
+            floor.iter_mut().for_each(|point| *point = correction * *point);
+            let moved_m = (correction * eye - eye).norm();
+            world_from_camera = correction * world_from_camera;
+            assigned = self.associate(draft, observations);
+            if moved_m < LARGE_MOVE_M {
+                break;
+            }
+        }
+        (assigned, world_from_camera)
+    }
+
+    fn find_correction(
+        &self,
+        draft: &Draft,
+        observations: &[Observation],
         assigned: &[Option<ObjectId>],
+        floor: &[Point3<f64>],
+        eye: &Point3<f64>,
     ) -> Option<Pose> {
         if !self.config.align {
             return None;
@@ -219,10 +261,7 @@ impl MapBuilder {
         let stable = |id: &ObjectId| draft.find(*id).filter(|object| object.state == ObjectState::Stable);
         let pairs: Vec<_> =
             observations.iter().zip(assigned).filter_map(|(o, id)| Some((o, stable(id.as_ref()?)?))).collect();
-        let eye = frame.world_from_camera.translation.vector.into();
-        let correction = align::find_correction(&pairs, &eye)?;
-        observations.iter_mut().for_each(|observation| observation.transform(&correction));
-        Some(correction)
+        align::find_correction(&pairs, floor, eye)
     }
 
     /// Fuses observations into their objects and starts new ones; returns the objects that were touched.
