@@ -64,6 +64,11 @@ impl Standing {
         let height_m = (self.bounds.top_m() - self.support_z_m).max(0.02);
         let above_m = base_from_tool.translation.z - settings.planner.lift_m - self.support_z_m;
         let tool_above_bottom_m = above_m.clamp(0.0, height_m + 0.05);
+        // Held beside its middle it reaches farther out on one side; more than this is the way out of a shelf.
+        const OFF_CENTRE_M: f64 = 0.06;
+        let world_from_tool = agent.world_from_base()? * base_from_tool;
+        let off_m = (world_from_tool.translation.vector.xy() - self.bounds.center.coords.xy()).norm();
+        let off_m = if off_m > OFF_CENTRE_M { 0.0 } else { off_m };
         let radius_m = 0.55 * self.bounds.size.x.max(self.bounds.size.y);
         let width_m = agent.grip_state()?.width_m;
         let tool = base_from_tool.translation.vector;
@@ -73,7 +78,7 @@ impl Standing {
             size: Vector3::new(2.0 * radius_m, 2.0 * radius_m, height_m),
             rotation: base_from_tool.rotation.inverse(),
         }));
-        let load = Load { radius_m, height_m };
+        let load = Load { radius_m: radius_m + off_m, height_m };
         Ok(Held { id: self.id, load, tool_above_bottom_m, base_from_tool: base_from_tool.rotation, width_m })
     }
 }
