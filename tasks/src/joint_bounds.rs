@@ -1,7 +1,4 @@
-//! Whether joints kept their limits, from truth.
-
-use crate::summary::LimitViolation;
-use dsm::eval::Truth;
+//! The limits that joints must keep.
 
 /// Limits of one joint, for counting violations.
 #[derive(Clone, Debug)]
@@ -20,23 +17,11 @@ const SLACK: f64 = 0.005;
 const SPEED_SHARE: f64 = 1.1;
 const SPEED_SLACK: f64 = 0.01;
 
-/// The joints of a sample that are outside their bounds.
-pub fn find_violations(bounds: &[JointBounds], truth: &Truth) -> Vec<LimitViolation> {
-    let joints = truth.joints.iter();
-    joints
-        .filter(|joint| {
-            bounds.iter().any(|b| {
-                b.name == joint.name
-                    && (joint.position < b.position.0 - SLACK
-                        || joint.position > b.position.1 + SLACK
-                        || joint.velocity.abs() > b.speed * SPEED_SHARE + SPEED_SLACK)
-            })
-        })
-        .map(|joint| LimitViolation {
-            joint: joint.name.clone(),
-            stamp_s: truth.stamp.as_s(),
-            position: joint.position,
-            velocity: joint.velocity,
-        })
-        .collect()
+impl JointBounds {
+    /// Whether a position and a speed are outside.
+    pub fn are_broken_by(&self, position: f64, velocity: f64) -> bool {
+        position < self.position.0 - SLACK
+            || position > self.position.1 + SLACK
+            || velocity.abs() > self.speed * SPEED_SHARE + SPEED_SLACK
+    }
 }

@@ -1,12 +1,12 @@
 //! The judge: the one place that reads ground truth. It says whether expectations hold and measures the run.
 
 use crate::episode::{Expectation, ExpectationKind};
-use crate::joint_bounds::{JointBounds, find_violations};
+use crate::joint_bounds::JointBounds;
 use crate::summary::{
     ContactSummary, ExpectationSummary, LimitViolation, Metrics, PoseSummary, Stage, StepOutcome, StepSummary,
     TruthSummary,
 };
-use dsm::eval::{TrueObject, TrueWorld, Truth};
+use dsm::eval::{TrueJoint, TrueObject, TrueWorld, Truth};
 use dsm::map::Map;
 use dsm_robot::nav::{Costmap, CostmapConfig, find_path};
 use nalgebra::{Isometry3, Point2};
@@ -100,7 +100,16 @@ impl Judge {
             (Some(a), Some(b)) => Some(a.min(b)),
             (a, b) => a.or(b),
         };
-        let violations = find_violations(&self.bounds, &truth);
+        let broken = truth.joints.iter().filter(|joint| {
+            self.bounds.iter().any(|b| b.name == joint.name && b.are_broken_by(joint.position, joint.velocity))
+        });
+        let violation = |joint: &TrueJoint| LimitViolation {
+            joint: joint.name.clone(),
+            stamp_s: now_s,
+            position: joint.position,
+            velocity: joint.velocity,
+        };
+        let violations: Vec<LimitViolation> = broken.map(violation).collect();
         self.limit_violations += violations.len() as u32;
         self.violations.extend(violations.into_iter().take(MAX_VIOLATIONS - self.violations.len()));
         self.follow_expectations(&truth, now_s);
