@@ -29,6 +29,44 @@ fn flat() -> FreeSpace {
     grid
 }
 
+/// A grid of 2000 x 2000 cells with a fifth of it occupied by squares, as the usual comparison of A* libraries has it: the
+/// base is one cell wide.
+fn large() -> Costmap {
+    const SIDE: i32 = 2000;
+    let mut state = 20_260_u64;
+    let mut draw = |below: u64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 33) % below) as i32
+    };
+    let mut grid = FreeSpace::new(0.05);
+    grid.set([0, 0], CellState::Free);
+    grid.set([SIDE - 1, SIDE - 1], CellState::Free);
+    grid.cells.fill(CellState::Free);
+    for _ in 0..2200 {
+        let (column, row, side) = (draw(1950) + 10, draw(1950) + 10, draw(25) + 5);
+        for x in column..(column + side).min(SIDE - 5) {
+            for y in row..(row + side).min(SIDE - 5) {
+                grid.set([x, y], CellState::Occupied);
+            }
+        }
+    }
+    let config =
+        CostmapConfig { footprint_radius_m: 0.05, margin_m: 0.0, inflation_m: 0.0, ..CostmapConfig::default() };
+    Costmap::from_free_space(&grid, &config)
+}
+
+fn large_grid(criterion: &mut Criterion) {
+    let costmap = large();
+    let (start, goal) = (Point2::new(0.1, 0.1), Point2::new(99.9, 99.9));
+    let field = Field::from_start(&costmap, &start);
+    let path = find_path(&costmap, &start, &goal).unwrap();
+    // The estimate costs nothing of the optimum: the search without one finds a way of the same length.
+    let from_field = field.find_path(&costmap, &goal).unwrap();
+    assert!((path.length_m - from_field.length_m).abs() < 0.02 * path.length_m);
+    criterion.bench_function("A*, 2000 x 2000", |b| b.iter(|| find_path(&costmap, black_box(&start), &goal)));
+    criterion.bench_function("Dijkstra, 2000 x 2000", |b| b.iter(|| Field::from_start(&costmap, black_box(&start))));
+}
+
 fn navigation(criterion: &mut Criterion) {
     let floor = flat();
     let config = NavConfig::default();
@@ -82,6 +120,6 @@ fn grasping(criterion: &mut Criterion) {
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(20).warm_up_time(std::time::Duration::from_millis(300)).measurement_time(std::time::Duration::from_secs(1));
-    targets = navigation, grasping
+    targets = navigation, large_grid, grasping
 }
 criterion_main!(benches);

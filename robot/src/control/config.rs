@@ -31,6 +31,26 @@ pub struct ControllerConfig {
     /// Share of the posture error that is driven out per second, 1/s; default 1, range [0, 10].
     #[schemars(range(min = 0.0, max = 10.0))]
     pub posture_gain_per_s: f64,
+    /// Weight of the base's speed against the arm's while the tool is a metre from its goal; it grows as the distance
+    /// falls, so that the base brings the arm near and the arm does the rest; default 0.01, range [0.000001, 10].
+    #[schemars(range(min = 0.000001, max = 10.0))]
+    pub base_damping: f64,
+    /// Weight of turning the base towards the goal; default 0.01, range [0, 1].
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub facing_weight: f64,
+    /// Share of the base's bearing error that is driven out per second, 1/s; default 1, range [0, 10].
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub facing_gain_per_s: f64,
+    /// Weight of keeping a watched point in the middle of a camera's picture; default 0.01, range [0, 1].
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub camera_weight: f64,
+    /// Share of the watched point's angle off the picture's middle that is driven out per second, 1/s; default 2, range
+    /// [0, 10].
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub camera_gain_per_s: f64,
+    /// Whether an arm that comes no nearer to a standing goal, held by its own joint limits and not by obstacles, moves
+    /// to another posture for the same goal; default true.
+    pub recovery: bool,
     /// Distance to obstacles at which approach ends in m; default 0.015, range [0, 0.2].
     #[schemars(range(min = 0.0, max = 0.2))]
     pub obstacle_stop_m: f64,
@@ -40,9 +60,6 @@ pub struct ControllerConfig {
     /// Approach speed allowed per metre beyond the stop distance, NEO's xi / (d_i - d_s), 1/s; default 4, range [0.1, 20].
     #[schemars(range(min = 0.1, max = 20.0))]
     pub damper_per_s: f64,
-    /// Greatest speed of a link that the distance checks allow for, in m/s; default 0.8, range [0.05, 5].
-    #[schemars(range(min = 0.05, max = 5.0))]
-    pub max_closing_m_per_s: f64,
     /// Deceleration that every approach can count on in m/s^2; default 1.5, range [0.05, 20].
     #[schemars(range(min = 0.05, max = 20.0))]
     pub braking_m_per_s2: f64,
@@ -74,10 +91,15 @@ impl Default for ControllerConfig {
             manipulability: 0.001,
             posture_weight: 0.002,
             posture_gain_per_s: 1.0,
+            base_damping: 0.01,
+            facing_weight: 0.01,
+            facing_gain_per_s: 1.0,
+            camera_weight: 0.01,
+            camera_gain_per_s: 2.0,
+            recovery: true,
             obstacle_stop_m: 0.015,
             self_stop_m: 0.01,
             damper_per_s: 4.0,
-            max_closing_m_per_s: 0.8,
             braking_m_per_s2: 1.5,
             retreat_m_per_s: 0.05,
             limit_margin: 0.005,

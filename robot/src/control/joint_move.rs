@@ -9,9 +9,9 @@
 
 use super::config::ControllerConfig;
 use super::joint_limit::braking_bound;
-use super::safety::Safety;
+use super::safety::{Safety, Situation};
 use super::{BrakeReason, ControlOutput, ControlStatus};
-use crate::drivers::JointState;
+use crate::drivers::{JointState, Twist};
 use crate::joints::JointPositions;
 use crate::model::{Group, LinkId, Obstacle, RobotModel};
 use nalgebra::{DMatrix, DVector};
@@ -30,7 +30,7 @@ pub struct JointMove {
 impl JointMove {
     /// A move of `group` (of `model`); joints that `goal` does not name stay where they are.
     pub fn new(model: &RobotModel, group: &Group, goal: &JointPositions, config: ControllerConfig) -> Self {
-        let safety = Safety::new(&model.kinematics, &model.collision, group, config, 0.0);
+        let safety = Safety::new(&model.kinematics, &model.collision, group, None, config, 0.0);
         Self { goal: group.joints.iter().map(|name| goal.find(name)).collect(), safety }
     }
 
@@ -52,25 +52,15 @@ impl JointMove {
     /// Velocities for the next `dt_s` seconds; the output's errors are the greatest joint error, in both units.
     pub fn tick(&mut self, state: &JointState, obstacles: &[Obstacle], dt_s: f64) -> ControlOutput {
         if self.goal.iter().flatten().any(|value| !value.is_finite()) {
-            return self.safety.brake(state, BrakeReason::NotFinite, dt_s);
+            return self.safety.brake(state, Twist::default(), BrakeReason::NotFinite, dt_s);
         }
-        let now = match self.safety.situation(state, dt_s) {
+        let now = match self.safety.situation(state, Twist::default(), dt_s) {
             Ok(now) => now,
-            Err(reason) => return self.safety.brake(state, reason, dt_s),
+            Err(reason) => return self.safety.brake(state, Twist::default(), reason, dt_s),
         };
         let n = now.positions.len();
         let error = DVector::from_fn(n, |k, _| self.goal[k].map_or(0.0, |goal| goal - now.positions[k]));
-        let mut rate_per_s = f64::INFINITY;
-        for (k, error) in error.iter().enumerate().filter(|(_, error)| error.abs() > 1e-9) {
-            let limits = &self.safety.group.limits[k];
-            let acceleration = self.safety.group.max_accelerations[k] * PLANNED_SHARE;
-            let moving = (now.velocities[k] * error.signum()).max(0.0);
-            let speed = (limits.velocity * self.safety.config.velocity_share)
-                .min(braking_bound(error.abs(), acceleration, dt_s))
-                .min(moving + acceleration * dt_s);
-            rate_per_s = rate_per_s.min(speed / error.abs());
-        }
-        let wanted = if rate_per_s.is_finite() { &error * rate_per_s } else { DVector::zeros(n) };
+        let wanted = velocities_along(&self.safety, &now, &error, dt_s);
         let hessian = DMatrix::identity(n, n);
         let rows = self.safety.rows(&now, obstacles, dt_s);
         let still = now.velocities.amax() < 0.05;
@@ -81,4 +71,19 @@ impl JointMove {
         }
         output
     }
+}
+
+/// Velocities along a straight line in joint space, as fast as every joint allows; `error` is what is left of it.
+pub(super) fn velocities_along(safety: &Safety, now: &Situation, error: &DVector<f64>, dt_s: f64) -> DVector<f64> {
+    let mut rate_per_s = f64::INFINITY;
+    for (k, error) in error.iter().enumerate().filter(|(_, error)| error.abs() > 1e-9) {
+        let limits = &safety.group.limits[k];
+        let acceleration = safety.group.max_accelerations[k] * PLANNED_SHARE;
+        let moving = (now.velocities[k] * error.signum()).max(0.0);
+        let speed = (limits.velocity * safety.config.velocity_share)
+            .min(braking_bound(error.abs(), acceleration, dt_s))
+            .min(moving + acceleration * dt_s);
+        rate_per_s = rate_per_s.min(speed / error.abs());
+    }
+    if rate_per_s.is_finite() { error * rate_per_s } else { DVector::zeros(error.len()) }
 }

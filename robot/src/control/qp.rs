@@ -4,8 +4,12 @@
 //! min 1/2 x'Hx + g'x    s.t.  lower <= x <= upper,  row'x <= bound for every row
 //! ```
 //!
-//! The minimum without constraints is computed first: when it satisfies all of them it is the answer. Otherwise an
-//! interior-point solver is used that was set up once for 8, 16, 32 or 64 rows; unused rows read `0 x <= 1`.
+//! The minimum without constraints is computed first: when it satisfies all of them it is the answer. Otherwise an exact
+//! active-set search is made. When that cannot tell, or finds the constraints contradictory, clarabel's interior-point
+//! solver has the last word; it was set up once for 8, 16, 32 or 64 rows and is updated in place; unused rows read
+//! `0 x <= 1`.
+
+use super::active_set;
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -48,6 +52,17 @@ pub enum QpFailure {
     Numerical,
 }
 
+/// Which stage gave an answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum SolvedBy {
+    /// The minimum without constraints satisfies all of them.
+    Unconstrained,
+    /// The exact active-set search.
+    ActiveSet,
+    /// The interior-point solver clarabel.
+    Clarabel,
+}
+
 /// How far a row may be exceeded by rounding, in its own unit per second.
 const ROW_TOLERANCE: f64 = 1e-6;
 /// Rows that the cached solvers hold.
@@ -62,6 +77,13 @@ impl Qp {
 
     fn rows_hold(&self, x: &DVector<f64>) -> bool {
         self.rows.iter().all(|row| row.coefficients.dot(x) <= row.bound + ROW_TOLERANCE)
+    }
+
+    /// Rounding leaves the box by a hair at most.
+    fn clamp(&self, x: &mut DVector<f64>) {
+        for k in 0..x.len() {
+            x[k] = x[k].clamp(self.lower[k], self.upper[k]);
+        }
     }
 
     /// The greatest value that `row'x` can take within the box.
@@ -100,23 +122,14 @@ impl QpSolver {
         Self { variables, cached: [const { None }; SIZES.len()] }
     }
 
-    /// The minimum, within the box exactly and within the rows up to rounding.
-    pub fn solve(&mut self, qp: &Qp) -> Result<DVector<f64>, QpFailure> {
-        let finite = qp.hessian.iter().chain(&qp.gradient).chain(&qp.lower).chain(&qp.upper).all(|v| v.is_finite());
-        if !finite || qp.rows.iter().any(|row| !row.bound.is_finite() || row.coefficients.iter().any(|c| c.is_nan())) {
-            return Err(QpFailure::Numerical);
+    /// The minimum, within the box exactly and within the rows up to rounding, by the first stage that has it.
+    pub fn solve(&mut self, qp: &Qp) -> Result<(DVector<f64>, SolvedBy), QpFailure> {
+        match solve_exactly(qp) {
+            Ok(answer) => return Ok(answer),
+            Err(QpFailure::Numerical) => return Err(QpFailure::Numerical),
+            Err(_) => {}
         }
-        let free = qp.hessian.clone().cholesky().ok_or(QpFailure::Numerical)?.solve(&-&qp.gradient);
-        if qp.admits(&free) {
-            return Ok(free);
-        }
-        // A row that no point of the box can violate is no constraint.
-        let mut rows: Vec<(f64, &Row)> = qp
-            .rows
-            .iter()
-            .map(|row| (row.bound - qp.greatest(&row.coefficients), row))
-            .filter(|(spare, _)| *spare < 0.0)
-            .collect();
+        let mut rows = binding_rows(qp);
         let largest = SIZES[SIZES.len() - 1];
         if rows.len() > largest {
             rows.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -124,11 +137,9 @@ impl QpSolver {
         }
         let size = SIZES.iter().position(|size| *size >= rows.len()).ok_or(QpFailure::TooManyRows)?;
         let mut x = self.solve_sized(qp, &rows, size)?;
-        for k in 0..x.len() {
-            x[k] = x[k].clamp(qp.lower[k], qp.upper[k]);
-        }
+        qp.clamp(&mut x);
         match qp.rows_hold(&x) {
-            true => Ok(x),
+            true => Ok((x, SolvedBy::Clarabel)),
             false if qp.rows.len() > largest => Err(QpFailure::TooManyRows),
             false => Err(QpFailure::Numerical),
         }
@@ -165,6 +176,29 @@ impl QpSolver {
         }
         cached.solve().map(DVector::from_vec)
     }
+}
+
+/// The minimum without the interior-point solver. `Infeasible` also when the search could not tell; `Numerical` when
+/// there is no program.
+pub fn solve_exactly(qp: &Qp) -> Result<(DVector<f64>, SolvedBy), QpFailure> {
+    let finite = qp.hessian.iter().chain(&qp.gradient).chain(&qp.lower).chain(&qp.upper).all(|v| v.is_finite());
+    if !finite || qp.rows.iter().any(|row| !row.bound.is_finite() || row.coefficients.iter().any(|c| c.is_nan())) {
+        return Err(QpFailure::Numerical);
+    }
+    let factor = qp.hessian.clone().cholesky().ok_or(QpFailure::Numerical)?;
+    let free = factor.solve(&-&qp.gradient);
+    if qp.admits(&free) {
+        return Ok((free, SolvedBy::Unconstrained));
+    }
+    let mut x = active_set::solve(qp, &binding_rows(qp), factor.l_dirty(), &free).map_err(|_| QpFailure::Infeasible)?;
+    qp.clamp(&mut x);
+    if qp.rows_hold(&x) { Ok((x, SolvedBy::ActiveSet)) } else { Err(QpFailure::Infeasible) }
+}
+
+/// Rows that some point of the box violates, with their spare room (negative) within the box: others are no constraint.
+fn binding_rows(qp: &Qp) -> Vec<(f64, &Row)> {
+    let spare = |row: &Row| row.bound - qp.greatest(&row.coefficients);
+    qp.rows.iter().map(|row| (spare(row), row)).filter(|(spare, _)| *spare < 0.0).collect()
 }
 
 impl Cached {
@@ -254,8 +288,13 @@ mod tests {
             towards in prop::collection::vec(-1.0..1.0f64, 8),
         ) {
             let qp = program(8, rows, &numbers);
-            let x = QpSolver::new(8).solve(&qp).expect("zero is feasible");
+            let (x, by) = QpSolver::new(8).solve(&qp).expect("zero is feasible");
             prop_assert!(qp.admits(&x));
+            prop_assert!(by != SolvedBy::Clarabel);
+            // The interior-point solver agrees.
+            let all: Vec<(f64, &Row)> = qp.rows.iter().map(|row| (0.0, row)).collect();
+            let other = QpSolver::new(8).solve_sized(&qp, &all, 3).expect("zero is feasible");
+            prop_assert!((&x - &other).amax() < 1e-4, "{x} {other}");
             let cost = |x: &DVector<f64>| 0.5 * x.dot(&(&qp.hessian * x)) + qp.gradient.dot(x);
             for size in [1.0, 0.1, 0.01] {
                 let other = &x + DVector::from_vec(towards.clone()) * size;

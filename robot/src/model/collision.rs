@@ -1,77 +1,30 @@
 //! Distances between links, and between links and obstacles.
 
 use super::kinematics::{Kinematics, LinkId, LinkPoses};
+pub use super::obstacle::Obstacle;
 use super::shapes::{from_parry, to_parry};
 use dsm::Pose;
 use nalgebra::{Point3, Unit, Vector3};
 use parry3d::query;
 use parry3d::shape::SharedShape;
 
-/// Something solid near the robot, in the base frame.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Obstacle {
-    /// An oriented box.
-    Box {
-        /// Where its centre and axes are.
-        base_from_box: Pose,
-        /// Half of its edge lengths in metres.
-        half_size_m: Vector3<f64>,
-        /// Velocity of its centre in m/s.
-        velocity_m_per_s: Vector3<f64>,
-    },
-    /// A ball: a voxel or a measured point with its margin.
-    Ball {
-        /// Its centre.
-        center_in_base: Point3<f64>,
-        /// Radius in metres.
-        radius_m: f64,
-        /// Velocity of its centre in m/s.
-        velocity_m_per_s: Vector3<f64>,
-    },
-}
-
-impl Obstacle {
-    /// A box that does not move.
-    pub fn still_box(base_from_box: Pose, half_size_m: Vector3<f64>) -> Self {
-        Self::Box { base_from_box, half_size_m, velocity_m_per_s: Vector3::zeros() }
-    }
-
-    /// A ball that does not move.
-    pub fn still_ball(center_in_base: Point3<f64>, radius_m: f64) -> Self {
-        Self::Ball { center_in_base, radius_m, velocity_m_per_s: Vector3::zeros() }
-    }
-
-    /// Its velocity in m/s.
-    pub fn velocity_m_per_s(&self) -> Vector3<f64> {
-        match self {
-            Self::Box { velocity_m_per_s, .. } | Self::Ball { velocity_m_per_s, .. } => *velocity_m_per_s,
-        }
-    }
-
-    fn solid(&self) -> Solid {
-        match self {
-            Self::Box { base_from_box, half_size_m: h, .. } => Solid {
-                shape: SharedShape::cuboid(h.x as f32, h.y as f32, h.z as f32),
-                pose: to_parry(base_from_box),
-                center: base_from_box.translation.vector.into(),
-                radius_m: h.norm(),
-            },
-            Self::Ball { center_in_base, radius_m, .. } => Solid {
-                shape: SharedShape::ball(*radius_m as f32),
-                pose: to_parry(&Pose::translation(center_in_base.x, center_in_base.y, center_in_base.z)),
-                center: *center_in_base,
-                radius_m: *radius_m,
-            },
-        }
-    }
-}
-
 /// A shape at its place, with a ball about it for the first, cheap test.
-struct Solid {
-    shape: SharedShape,
-    pose: parry3d::math::Pose,
-    center: Point3<f64>,
-    radius_m: f64,
+pub(super) struct Solid {
+    pub(super) shape: SharedShape,
+    pub(super) pose: parry3d::math::Pose,
+    pub(super) center: Point3<f64>,
+    pub(super) radius_m: f64,
+}
+
+/// The ball about one collision shape of a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartBall {
+    /// The link.
+    pub link: LinkId,
+    /// Centre in the base frame.
+    pub center: Point3<f64>,
+    /// Radius in metres.
+    pub radius_m: f64,
 }
 
 /// What the first link is close to.
@@ -90,6 +43,8 @@ pub struct PairDistance {
     pub link: LinkId,
     /// The other side.
     pub other: Other,
+    /// Indices of the shapes in [`CollisionModel::balls`]: the link's, and the other link's.
+    pub parts: (usize, Option<usize>),
     /// Distance in metres; negative is the depth of an overlap.
     pub distance_m: f64,
     /// The point on the link.
@@ -109,6 +64,26 @@ struct Part {
     /// Centre of the bounding ball in the link frame, and its radius.
     center_in_link: Point3<f64>,
     radius_m: f64,
+    /// The box about it: its centre and axes in the link frame, and half of its edges.
+    link_from_box: Pose,
+    half_size_m: Vector3<f64>,
+}
+
+/// Where the bounds of a part are, in the base frame.
+struct Bounds {
+    link: LinkId,
+    center: Point3<f64>,
+    radius_m: f64,
+    base_from_box: Pose,
+    half_size_m: Vector3<f64>,
+}
+
+impl Bounds {
+    /// At most the distance of a ball from the part.
+    fn distance_to(&self, center: &Point3<f64>, radius_m: f64) -> f64 {
+        let outside = self.base_from_box.inverse_transform_point(center).coords.abs() - self.half_size_m;
+        outside.map(|v| v.max(0.0)).norm() - radius_m
+    }
 }
 
 /// The collision shapes of all links and the pairs to be checked.
@@ -136,12 +111,16 @@ impl CollisionModel {
                 let link_from_shape = collision.link_from_shape * shape_from_parry;
                 let ball = shape.compute_local_bounding_sphere();
                 let center_in_link = link_from_shape * Point3::from(from_parry(ball.center()));
+                let bounds = shape.compute_local_aabb();
+                let middle = from_parry(bounds.center());
                 parts.push(Part {
                     link: LinkId(index),
                     shape,
                     link_from_shape,
                     center_in_link,
                     radius_m: f64::from(ball.radius()),
+                    link_from_box: link_from_shape * Pose::translation(middle.x, middle.y, middle.z),
+                    half_size_m: from_parry(bounds.half_extents()),
                 });
             }
         }
@@ -176,14 +155,45 @@ impl CollisionModel {
         model
     }
 
+    /// The pairs of parts that are checked against each other, first < second.
+    pub fn pairs(&self) -> &[(usize, usize)] {
+        &self.pairs
+    }
+
+    /// Balls about all shapes, in a fixed order: the parts of [`Self::self_distances_within`].
+    pub fn balls(&self, poses: &LinkPoses) -> Vec<PartBall> {
+        let ball = |part: &Part| PartBall { link: part.link, center: part.center(poses), radius_m: part.radius_m };
+        self.parts.iter().map(ball).collect()
+    }
+
     /// Pairs of links nearer to each other than `reach_m`, one entry for each pair of shapes, in a fixed order.
     pub fn self_distances(&self, poses: &LinkPoses, reach_m: f64) -> Vec<PairDistance> {
-        let solids: Vec<Solid> = self.parts.iter().map(|part| part.solid(poses)).collect();
-        let near = |(first, second): &(usize, usize)| {
-            let other = Other::Link(self.parts[*second].link);
-            find_distance(self.parts[*first].link, other, &solids[*first], &solids[*second], reach_m)
-        };
-        self.pairs.iter().filter_map(near).collect()
+        self.self_distances_within(poses, |_, _| reach_m)
+    }
+
+    /// The same with a reach for each pair of parts.
+    pub fn self_distances_within(&self, poses: &LinkPoses, reach_m: impl Fn(usize, usize) -> f64) -> Vec<PairDistance> {
+        let bounds: Vec<Bounds> = self.parts.iter().map(|part| part.bounds(poses)).collect();
+        let mut solids: Vec<Option<Solid>> = self.parts.iter().map(|_| None).collect();
+        let mut found = Vec::new();
+        for (k, l) in &self.pairs {
+            let reach_m = reach_m(*k, *l);
+            let (a, b) = (&bounds[*k], &bounds[*l]);
+            if (b.center - a.center).norm() > a.radius_m + b.radius_m + reach_m
+                || a.distance_to(&b.center, b.radius_m) > reach_m
+                || b.distance_to(&a.center, a.radius_m) > reach_m
+            {
+                continue;
+            }
+            for part in [*k, *l] {
+                solids[part].get_or_insert_with(|| self.parts[part].solid(poses));
+            }
+            if let (Some(first), Some(second)) = (&solids[*k], &solids[*l]) {
+                let names = (a.link, Other::Link(b.link), (*k, Some(*l)));
+                found.extend(find_distance(names, first, second, reach_m));
+            }
+        }
+        found
     }
 
     /// Links of `only` (all when empty) nearer to an obstacle than `reach_m`, in a fixed order.
@@ -194,14 +204,36 @@ impl CollisionModel {
         only: &[LinkId],
         reach_m: f64,
     ) -> Vec<PairDistance> {
-        let wanted = |part: &&Part| only.is_empty() || only.contains(&part.link);
-        let parts: Vec<(LinkId, Solid)> =
-            self.parts.iter().filter(wanted).map(|part| (part.link, part.solid(poses))).collect();
+        self.obstacle_distances_within(poses, obstacles, only, |_, _| reach_m)
+    }
+
+    /// The same with a reach for each part and obstacle.
+    pub fn obstacle_distances_within(
+        &self,
+        poses: &LinkPoses,
+        obstacles: &[Obstacle],
+        only: &[LinkId],
+        reach_m: impl Fn(usize, usize) -> f64,
+    ) -> Vec<PairDistance> {
+        let wanted: Vec<usize> =
+            (0..self.parts.len()).filter(|k| only.is_empty() || only.contains(&self.parts[*k].link)).collect();
+        let bounds: Vec<Bounds> = self.parts.iter().map(|part| part.bounds(poses)).collect();
+        let mut solids: Vec<Option<Solid>> = self.parts.iter().map(|_| None).collect();
         let mut found = Vec::new();
         for (index, obstacle) in obstacles.iter().enumerate() {
-            let solid = obstacle.solid();
-            for (link, part) in &parts {
-                found.extend(find_distance(*link, Other::Obstacle(index), part, &solid, reach_m));
+            let mut solid = None;
+            let (center, radius_m) = obstacle.ball();
+            for &k in &wanted {
+                let (part, bounds, reach_m) = (&self.parts[k], &bounds[k], reach_m(k, index));
+                if obstacle.distance_to(&bounds.center) > part.radius_m + reach_m
+                    || bounds.distance_to(&center, radius_m) > reach_m
+                {
+                    continue;
+                }
+                let first = solids[k].get_or_insert_with(|| part.solid(poses));
+                let second = solid.get_or_insert_with(|| obstacle.solid());
+                let names = (part.link, Other::Obstacle(index), (k, None));
+                found.extend(find_distance(names, first, second, reach_m));
             }
         }
         found
@@ -223,29 +255,45 @@ impl CollisionModel {
 }
 
 impl Part {
+    fn center(&self, poses: &LinkPoses) -> Point3<f64> {
+        poses.get(self.link) * self.center_in_link
+    }
+
+    fn bounds(&self, poses: &LinkPoses) -> Bounds {
+        Bounds {
+            link: self.link,
+            center: self.center(poses),
+            radius_m: self.radius_m,
+            base_from_box: poses.get(self.link) * self.link_from_box,
+            half_size_m: self.half_size_m,
+        }
+    }
+
     fn solid(&self, poses: &LinkPoses) -> Solid {
         let base_from_link = poses.get(self.link);
         Solid {
             shape: self.shape.clone(),
             pose: to_parry(&(base_from_link * self.link_from_shape)),
-            center: base_from_link * self.center_in_link,
+            center: self.center(poses),
             radius_m: self.radius_m,
         }
     }
 }
 
-/// The closest points when they are nearer than `reach_m`.
-fn find_distance(link: LinkId, other: Other, first: &Solid, second: &Solid, reach_m: f64) -> Option<PairDistance> {
-    let between = second.center - first.center;
-    if between.norm() > first.radius_m + second.radius_m + reach_m {
-        return None;
-    }
+/// The closest points when they are nearer than `reach_m`. Callers leave out what bounding balls rule out.
+fn find_distance(
+    (link, other, parts): (LinkId, Other, (usize, Option<usize>)),
+    first: &Solid,
+    second: &Solid,
+    reach_m: f64,
+) -> Option<PairDistance> {
     let contact = query::contact(&first.pose, &*first.shape, &second.pose, &*second.shape, reach_m as f32);
     if let Ok(Some(contact)) = contact {
         let normal = Unit::try_new(from_parry(contact.normal1), 1e-6)?;
         return Some(PairDistance {
             link,
             other,
+            parts,
             distance_m: f64::from(contact.dist),
             point_on_link: from_parry(contact.point1).into(),
             point_on_other: from_parry(contact.point2).into(),
@@ -257,9 +305,10 @@ fn find_distance(link: LinkId, other: Other, first: &Solid, second: &Solid, reac
     overlap.is_ok_and(|found| found.intersecting).then(|| PairDistance {
         link,
         other,
+        parts,
         distance_m: -first.radius_m.min(second.radius_m),
         point_on_link: first.center,
         point_on_other: second.center,
-        normal_to_other: Unit::try_new(between, 1e-9).unwrap_or(Vector3::z_axis()),
+        normal_to_other: Unit::try_new(second.center - first.center, 1e-9).unwrap_or(Vector3::z_axis()),
     })
 }

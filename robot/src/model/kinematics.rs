@@ -174,6 +174,11 @@ impl LinkPoses {
         &self.poses[link.0]
     }
 
+    /// The same poses in another frame.
+    pub fn seen_from(&self, other_from_root: &Pose) -> Self {
+        Self { poses: self.poses.iter().map(|pose| other_from_root * pose).collect() }
+    }
+
     /// All poses in the order of the links.
     pub fn as_slice(&self) -> &[Pose] {
         &self.poses

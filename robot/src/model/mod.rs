@@ -10,12 +10,14 @@ mod boxes;
 pub mod collision;
 mod holding;
 pub mod kinematics;
+pub mod obstacle;
 pub mod settings;
 pub mod shapes;
 mod urdf;
 
-pub use collision::{CollisionModel, Obstacle, Other, PairDistance};
+pub use collision::{CollisionModel, Other, PairDistance};
 pub use kinematics::{Configuration, Drive, Group, JointKind, JointLimits, Kinematics, LinkId, LinkPoses};
+pub use obstacle::{Hull, Obstacle};
 pub use settings::RobotSettings;
 
 use crate::joints::{JointNames, JointPositions};

@@ -15,6 +15,7 @@ mod goal;
 mod grid;
 mod live;
 mod planner;
+mod search;
 mod sight;
 
 pub use config::{NavConfig, RangeError};

@@ -1,10 +1,10 @@
 //! Shortest paths of the base.
 
-use super::costmap::{Costmap, OPEN_WEIGHT};
+use super::costmap::Costmap;
 use super::grid::{Grid, bearing};
+use super::search::search;
 use dsm::Pose;
 use nalgebra::Point2;
-use pathfinding::prelude::{astar, dijkstra_reach};
 
 /// A place on the floor with a heading. World frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,14 +77,6 @@ pub enum PlanFailure {
     NoWay,
 }
 
-/// Costs of single steps: tenths of a cell times the weight of the entered cell.
-fn successors(costmap: &Costmap, start: usize, from: usize) -> impl Iterator<Item = (u32, u32)> + '_ {
-    costmap
-        .grid()
-        .neighbours(from)
-        .filter_map(move |(to, length)| Some((to as u32, length * costmap.find_step_weight(start, from, to)?)))
-}
-
 /// The cheapest path from `start` to `goal` over the eight neighbours of each cell, then pulled straight wherever a
 /// straight leg costs no more.
 ///
@@ -97,19 +89,13 @@ pub fn find_path(costmap: &Costmap, start: &Point2<f64>, goal: &Point2<f64>) -> 
     if !costmap.is_traversable(goal_cell) {
         return Err(PlanFailure::GoalBlocked { clearance_m: costmap.clearance_m(goal_cell) });
     }
-    let (goal_column, goal_row) = grid.position(goal_cell);
-    let at_least = |cell: &u32| {
-        let (column, row) = grid.position(*cell as usize);
-        let (dx, dy) = (column.abs_diff(goal_column), row.abs_diff(goal_row));
-        (10 * dx.max(dy) + 4 * dx.min(dy)) * u32::from(OPEN_WEIGHT)
-    };
-    let (cells, _) = astar(
-        &(start_cell as u32),
-        |&cell| successors(costmap, start_cell, cell as usize),
-        at_least,
-        |&cell| cell as usize == goal_cell,
-    )
-    .ok_or(PlanFailure::NoWay)?;
+    let (ways, arrived) = search(costmap, start_cell, Some(goal_cell));
+    if !arrived {
+        return Err(PlanFailure::NoWay);
+    }
+    let back = std::iter::successors(Some(goal_cell), |cell| ways.find_parent(*cell));
+    let mut cells: Vec<u32> = back.map(|cell| cell as u32).collect();
+    cells.reverse();
     Ok(pull_straight(costmap, &cells, start, goal))
 }
 
@@ -132,11 +118,12 @@ impl Field {
         let mut parents = vec![NO_PARENT; grid.len()];
         if let Some(start_cell) = grid.find_cell(start) {
             length_m[start_cell] = 0.0;
-            for item in dijkstra_reach(&(start_cell as u32), |&cell| successors(costmap, start_cell, cell as usize)) {
-                let Some(parent) = item.parent else { continue };
-                let step = (grid.center_of(item.node as usize) - grid.center_of(parent as usize)).norm();
-                length_m[item.node as usize] = length_m[parent as usize] + step as f32;
-                parents[item.node as usize] = parent;
+            let (ways, _) = search(costmap, start_cell, None);
+            for cell in ways.order.iter().map(|cell| *cell as usize) {
+                let Some(parent) = ways.find_parent(cell) else { continue };
+                let step = (grid.center_of(cell) - grid.center_of(parent)).norm();
+                length_m[cell] = length_m[parent] + step as f32;
+                parents[cell] = parent as u32;
             }
         }
         Self { grid, start: *start, length_m, parents }

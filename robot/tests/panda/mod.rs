@@ -9,7 +9,7 @@ use dsm_robot::model::{CollisionModel, Group, Kinematics, LinkId};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use serde_json::Value;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Accelerations of the Panda's data sheet, rad/s^2; the targets' file has none.
@@ -27,6 +27,15 @@ pub(crate) struct Panda {
     pub(crate) max_steps: usize,
 }
 
+/// How a run towards one target ended.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PandaRun {
+    pub(crate) reached: bool,
+    /// Joints and steps beyond a limit of position, velocity or acceleration.
+    pub(crate) violations: usize,
+    pub(crate) steps: usize,
+}
+
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().expect("a list").iter().map(|v| v.as_f64().expect("a number")).collect()
 }
@@ -36,10 +45,10 @@ fn words(value: &Value) -> String {
 }
 
 impl Panda {
-    /// The targets below the folder that `DSM_DATA` names; `None` when it is not set.
-    pub(crate) fn find() -> Option<Self> {
-        let file = PathBuf::from(std::env::var_os("DSM_DATA")?).join("panda_ik_targets.json");
-        let data: Value = serde_json::from_str(&std::fs::read_to_string(file).ok()?).expect("the file is JSON");
+    /// The targets of a file.
+    pub(crate) fn load(targets: &Path) -> Result<Self, String> {
+        let text = std::fs::read_to_string(targets).map_err(|error| format!("{}: {error}", targets.display()))?;
+        let data: Value = serde_json::from_str(&text).map_err(|error| format!("{}: {error}", targets.display()))?;
         let chain = data["chain"].as_array().expect("a chain");
         let mut urdf = String::from("<robot name=\"panda\">");
         let text = |value: &Value| value.as_str().expect("a word").to_owned();
@@ -87,7 +96,7 @@ impl Panda {
             Pose::from_parts(Translation3::new(p[0], p[1], p[2]), rotation)
         };
         let tip = text(&data["tip_frame"]);
-        Some(Self {
+        Ok(Self {
             collision: Arc::new(CollisionModel::new(&kinematics, &[])),
             tool: kinematics.find_link(&tip).expect("the tip is a link"),
             arm,
@@ -104,10 +113,13 @@ impl Panda {
         Controller::for_group(&self.kinematics, &self.collision, &self.arm, self.tool, config)
     }
 
-    /// Drives from home towards a target as the protocol says; hands every output to `each`. Whether it succeeded:
-    /// within 5 mm and 0.05 rad, no limit broken.
-    pub(crate) fn run(&self, controller: &mut Controller, target: &Pose, mut each: impl FnMut(&ControlOutput)) -> bool {
-        controller.reset();
+    /// Drives from home towards a target as the protocol says. `tick` is the controller's; it is handed in so that a
+    /// caller can watch or time it. Within 5 mm and 0.05 rad counts as reached; no limit may be broken on the way.
+    pub(crate) fn run(
+        &self,
+        target: &Pose,
+        mut tick: impl FnMut(&JointState, &ToolGoal, f64) -> ControlOutput,
+    ) -> PandaRun {
         let mut state = JointState {
             stamp: Stamp(0),
             positions: JointPositions::from_values(&self.arm.joints, self.home.clone()).expect("lengths"),
@@ -115,19 +127,20 @@ impl Panda {
         };
         let goal = ToolGoal::from(*target);
         let mut configuration = self.kinematics.zero();
+        let mut run = PandaRun { reached: false, violations: 0, steps: 0 };
         for step in 1..=self.max_steps {
-            let output = controller.tick(&state, &goal, &[], self.dt_s);
-            each(&output);
+            let output = tick(&state, &goal, self.dt_s);
+            run.steps = step;
             for (k, velocity) in output.velocities.values().iter().enumerate() {
                 let limits = &self.arm.limits[k];
+                let gained = velocity - state.velocities.values()[k];
                 state.positions.values_mut()[k] += velocity * self.dt_s;
                 let position = state.positions.values()[k];
-                if velocity.abs() > limits.velocity + 2e-3
+                let broken = velocity.abs() > limits.velocity + 2e-3
                     || position < limits.lower - 1e-4
                     || position > limits.upper + 1e-4
-                {
-                    return false;
-                }
+                    || gained.abs() > self.arm.max_accelerations[k] * self.dt_s + 1e-6;
+                run.violations += usize::from(broken);
             }
             state.velocities = output.velocities;
             state.stamp = Stamp::from_s(step as f64 * self.dt_s);
@@ -135,10 +148,11 @@ impl Panda {
             let reached = self.kinematics.root_from_link(&configuration, self.tool);
             let error_m = (reached.translation.vector - target.translation.vector).norm();
             if error_m < 0.005 && reached.rotation.angle_to(&target.rotation) < 0.05 {
-                return true;
+                run.reached = true;
+                break;
             }
         }
-        false
+        run
     }
 
     /// The parameters for this arm: it is faster than a household robot.

@@ -210,12 +210,6 @@ fn collides(model: &RobotModel, configuration: &Configuration, obstacles: &[Obst
 
 /// Obstacles as a base sees them that still has `left_m` to go straight ahead.
 fn shifted(obstacles: &[Obstacle], left_m: f64) -> Vec<Obstacle> {
-    let shift = nalgebra::Vector3::new(left_m, 0.0, 0.0);
-    let moved = |obstacle: &Obstacle| match obstacle {
-        Obstacle::Ball { center_in_base, radius_m, .. } => Obstacle::still_ball(center_in_base + shift, *radius_m),
-        Obstacle::Box { base_from_box, half_size_m, .. } => {
-            Obstacle::still_box(Translation3::from(shift) * base_from_box, *half_size_m)
-        }
-    };
-    obstacles.iter().map(moved).collect()
+    let shift = dsm::Pose::translation(left_m, 0.0, 0.0);
+    obstacles.iter().map(|obstacle| obstacle.seen_from(&shift)).collect()
 }

@@ -153,7 +153,7 @@ pub(super) fn obstacles_but_held(
         Obstacle::Ball { center_in_base, .. } => {
             !hold.is_some_and(|b| b.contains(&base_from_tool.inverse_transform_point(center_in_base), 0.03))
         }
-        Obstacle::Box { .. } => true,
+        Obstacle::Box { .. } | Obstacle::Hull { .. } => true,
     });
     Ok(obstacles)
 }

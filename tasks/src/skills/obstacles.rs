@@ -135,7 +135,7 @@ mod tests {
             .into_iter()
             .filter_map(|obstacle| match obstacle {
                 Obstacle::Box { base_from_box, .. } => Some((at * base_from_box).translation.vector.xy().into()),
-                Obstacle::Ball { .. } => None,
+                Obstacle::Ball { .. } | Obstacle::Hull { .. } => None,
             })
             .collect();
         let behind = columns.iter().filter(|c| (c.y - 1.525).abs() < 0.01 && (c.x - 1.0).abs() < 0.5).count();
