@@ -208,7 +208,7 @@ fn difference<T: Pooled>(
     let mut first: BTreeMap<String, Vec<T>> = BTreeMap::new();
     gather(runs, &of, |key, parts| first.insert(key, parts));
     gather(others, &of, |key, parts| {
-        let Some(own) = first.get(&key).filter(|own| own.len() == parts.len()) else { return None };
+        let own = first.get(&key).filter(|own| own.len() == parts.len())?;
         let pairs: Vec<(T, T)> = own.iter().copied().zip(parts).collect();
         let value = |drawn: &mut dyn Iterator<Item = &(T, T)>| {
             let (mut one, mut two) = (T::default(), T::default());
