@@ -25,7 +25,7 @@ pub use referring::{Answered, GroundingReport, answer_expressions, pool_answers}
 pub use scene::{SurfacePoint, TrueAttributes, TrueScene, TrueThing};
 pub use score::{MapScore, score_map};
 pub use segmentation::{ClassScore, CloudScore, LabelledObject, score_cloud};
-pub use statistics::{Estimate, F1Count, MapReport, Mean, Share, pool};
+pub use statistics::{Estimate, F1Count, MapReport, Mean, Method, Share, compare, pool};
 
 use crate::Pose;
 use crate::geometry::OrientedBox;

@@ -2,7 +2,8 @@
 //!
 //! A localiser's error wanders slowly by centimetres and parts of a degree and is common to all that one frame shows. It
 //! would smear shapes and put small things beside themselves. A few steps of iterative closest points over all associated
-//! objects, with the localiser's own accuracy as prior, estimate the error of this frame relative to the map.
+//! objects, with the localiser's own accuracy as prior, estimate the error of this frame relative to the map. The floor
+//! in view tells height and tilt by itself, without the map: so neither drifts, and heights are true.
 
 use super::observation::Observation;
 use crate::Pose;
@@ -25,14 +26,24 @@ const REACH_M: [f64; 2] = [0.12, 0.07];
 const HUBER_M: f64 = 0.03;
 /// Information of one match, 1/m^2: 5 cm, lowered since neighbouring points err alike.
 const MATCH_INFORMATION: f64 = 1.0 / (0.05 * 0.05 * 8.0);
+/// Height from which a floor point is something else, in the first and in later iterations, metres.
+const FLOOR_REACH_M: [f64; 2] = [0.15, 0.04];
+/// Height from which a floor point counts only linearly, metres.
+const FLOOR_HUBER_M: f64 = 0.01;
+/// Information of one floor point, 1/m^2: 2 cm, lowered since neighbouring points err alike.
+const FLOOR_INFORMATION: f64 = 1.0 / (0.02 * 0.02 * 8.0);
 /// Accuracy of the localiser: position in metres, attitude in radians.
 const PRIOR: (f64, f64) = (0.03, 0.01);
 /// Largest correction that is believed: position in metres, attitude in radians.
-const LARGEST: (f64, f64) = (0.10, 0.04);
+const LARGEST: (f64, f64) = (0.20, 0.07);
 
-/// The correction `map_from_world` for observations paired with the objects that they show; `None` when there is too
-/// little to go by or the result is not credible.
-pub(super) fn find_correction(pairs: &[(&Observation, &MapObject)], eye: &Point3<f64>) -> Option<Pose> {
+/// The correction `map_from_world` for observations paired with the objects that they show and for points of the floor;
+/// `None` when there is too little to go by or the result is not credible.
+pub(super) fn find_correction(
+    pairs: &[(&Observation, &MapObject)],
+    floor: &[Point3<f64>],
+    eye: &Point3<f64>,
+) -> Option<Pose> {
     let thin = |count: usize, wanted: usize| count.div_ceil(wanted).max(1);
     let sets: Vec<_> = pairs
         .iter()
@@ -74,6 +85,17 @@ pub(super) fn find_correction(pairs: &[(&Observation, &MapObject)], eye: &Point3
                 torque += cross.transpose() * error * weight;
             }
         }
+        for point in floor {
+            let point = correction * point;
+            if point.z.abs() > FLOOR_REACH_M[iteration.min(1)] {
+                continue;
+            }
+            matches += 1;
+            let weight = FLOOR_INFORMATION * (FLOOR_HUBER_M / point.z.abs().max(FLOOR_HUBER_M));
+            let row = height_row(&(point - eye));
+            information += row * row.transpose() * weight;
+            pull -= row * (point.z * weight);
+        }
         if matches < LEAST_MATCHES {
             return None;
         }
@@ -91,6 +113,11 @@ pub(super) fn find_correction(pairs: &[(&Observation, &MapObject)], eye: &Point3
 fn prior_information() -> Vector6<f64> {
     let (position, attitude) = (PRIOR.0.powi(-2), PRIOR.1.powi(-2));
     Vector6::new(position, position, position, attitude, attitude, attitude)
+}
+
+/// How the height of the point at the end of `arm` changes with the motion: d(z) = t_z + (rotation x arm)_z.
+fn height_row(arm: &Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(0.0, 0.0, 1.0, arm.y, -arm.x, 0.0)
 }
 
 /// The motion (translation, rotation vector) with its centre of rotation at the camera.
@@ -115,7 +142,8 @@ fn find_closest_offset(point: &Point3<f64>, known: &[Point3<f32>]) -> Option<Vec
 
 #[cfg(test)]
 mod tests {
-    //! Contract: the motion that is added to the found one matches finite differences, and identity is identity.
+    //! Contract: the motion that is added to the found one matches finite differences, and identity is identity; the floor
+    //! alone tells height and tilt.
     use super::*;
 
     #[test]
@@ -126,5 +154,31 @@ mod tests {
         let linear = point.coords + motion.fixed_rows::<3>(0) + motion.fixed_rows::<3>(3).cross(&(point - eye));
         assert!((about(&eye, &motion) * point - Point3::from(linear)).norm() < 1e-6);
         assert!((about(&eye, &Vector6::zeros()) * point - point).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_row_of_a_height_matches_finite_differences() {
+        let (eye, point) = (Point3::new(1.0, 2.0, 1.2), Point3::new(3.0, 1.0, 0.02));
+        let row = height_row(&(point - eye));
+        for axis in 0..6 {
+            let mut motion = Vector6::zeros();
+            motion[axis] = 1e-6;
+            let moved = (about(&eye, &motion) * point).z - point.z;
+            assert!((moved / 1e-6 - row[axis]).abs() < 1e-4, "axis {axis}: {moved}");
+        }
+    }
+
+    #[test]
+    fn the_floor_tells_height_and_tilt() {
+        let eye = Point3::new(0.0, 0.0, 1.2);
+        let error = about(&eye, &Vector6::new(0.02, -0.01, 0.04, 0.012, -0.008, 0.01));
+        let truth = (0..400).map(|i| Point3::new(0.8 + 0.1 * f64::from(i % 20), -1.0 + 0.1 * f64::from(i / 20), 0.0));
+        // A few points of a box that stands on the floor.
+        let box_points = (0..30).map(|i| Point3::new(1.5, 0.01 * f64::from(i), 0.03));
+        let believed: Vec<Point3<f64>> = truth.clone().chain(box_points).map(|p| error * p).collect();
+        let correction = find_correction(&[], &believed, &(error * eye)).unwrap();
+        let worst = truth.map(|p| (correction * error * p).z.abs()).fold(0.0, f64::max);
+        assert!(worst < 0.004, "{worst}");
+        assert!(find_correction(&[], &believed[..40], &eye).is_none(), "forty points are too few");
     }
 }

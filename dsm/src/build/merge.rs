@@ -4,6 +4,7 @@ use super::config::BuildConfig;
 use super::draft::Draft;
 use super::track::Track;
 use super::tracks::Tracks;
+use crate::geometry::OrientedBox;
 use crate::map::{MapObject, ObjectId, RemovalReason};
 use crate::perceive::{UNNAMED, cosine};
 
@@ -17,6 +18,11 @@ const SAME_PLACE_IOU: f64 = 0.6;
 const RELATED_NAMES: f32 = 0.2;
 /// Visual cosine asked of related names.
 const SAME_LOOK: f32 = 0.7;
+
+/// Share of the views of a thing, among those that look at another, whose masks must hold that one too.
+const COVERED_SHARE: f64 = 0.3;
+/// Sides below this are made thicker by as much before boxes are compared, metres.
+const THIN_M: f64 = 0.05;
 
 /// Merges every object of `changed` with what is the same thing. Each merge goes into the object with more
 /// observations (the older one at a tie); an object that already went is never a source or a target again.
@@ -45,8 +51,9 @@ pub(super) fn merge_duplicates(config: &BuildConfig, draft: &mut Draft, tracks: 
 }
 
 fn is_same(config: &BuildConfig, a: &MapObject, a_track: &Track, b: &MapObject, b_track: &Track) -> bool {
-    let common = a.bounds.intersection_volume_m3(&b.bounds);
-    let smaller = a.bounds.volume_m3().min(b.bounds.volume_m3()).max(1e-9);
+    let (a_box, b_box) = (thickened(&a.bounds), thickened(&b.bounds));
+    let common = a_box.intersection_volume_m3(&b_box);
+    let smaller = a_box.volume_m3().min(b_box.volume_m3()).max(1e-9);
     let overlap = common / smaller;
     let mutual = a.bounds.contains(&b.bounds.center, 0.0) && b.bounds.contains(&a.bounds.center, 0.0);
     let together = seen_together(a_track, b_track);
@@ -63,16 +70,30 @@ fn is_same(config: &BuildConfig, a: &MapObject, a_track: &Track, b: &MapObject, 
     }
     let text = cosine(&a.text_feature, &b.text_feature);
     let visual = cosine(&a.visual_feature, &b.visual_feature);
-    let iou = common / (a.bounds.volume_m3() + b.bounds.volume_m3() - common).max(1e-9);
+    let iou = common / (a_box.volume_m3() + b_box.volume_m3() - common).max(1e-9);
     if same_name {
-        return if together >= 2 { overlap >= SEEN_APART_OVERLAP } else { true };
+        return together < 2 || overlap >= SEEN_APART_OVERLAP && shows_both(a, a_track, b, b_track);
     }
-    // Two names for two masks of one frame: two things, however much one hides in the box of the other.
-    if together >= 1 {
+    // Two names for two masks of one frame: two things, however much one hides in the box of the other, unless other
+    // masks show both as one.
+    if together >= 1 && !(iou >= SAME_PLACE_IOU && shows_both(a, a_track, b, b_track)) {
         return false;
     }
     iou >= SAME_PLACE_IOU && visual >= config.visual_threshold
         || text >= RELATED_NAMES && visual >= SAME_LOOK && overlap >= SEEN_APART_OVERLAP
+}
+
+/// Whether masks of the larger one show the smaller one too: then this is a fragment, from masks that fell in two. Boards
+/// of a shelf and drawers of a cabinet have masks of their own, which those of the whole leave out.
+fn shows_both(a: &MapObject, a_track: &Track, b: &MapObject, b_track: &Track) -> bool {
+    let a_is_part = a.bounds.volume_m3() < b.bounds.volume_m3();
+    let (share, views) = if a_is_part { b_track.window.cover(&a.points) } else { a_track.window.cover(&b.points) };
+    views == 0 || share >= COVERED_SHARE
+}
+
+/// The box with thin sides made thicker: two halves of a board lie in one plane only up to the noise.
+fn thickened(bounds: &OrientedBox) -> OrientedBox {
+    OrientedBox { size: bounds.size.map(|side| if side < THIN_M { side + THIN_M } else { side }), ..*bounds }
 }
 
 /// Whether two small things stand closer than their mean width plus 3 cm, at one height.

@@ -19,6 +19,7 @@ mod cell_grid;
 mod config;
 mod division;
 mod draft;
+mod floor;
 mod memory;
 mod merge;
 mod merged_mask;
@@ -26,6 +27,7 @@ mod observation;
 mod occupancy;
 mod outline;
 mod relations;
+mod rest;
 mod rooms;
 mod stage;
 mod track;
@@ -46,7 +48,7 @@ use crate::perceive::{
     ColorShapeEncoder, Describer, Detections, KnowledgeDescriber, KnowledgeTextEncoder, TextEncoder, VisualEncoder,
 };
 use draft::Draft;
-use nalgebra::Point2;
+use nalgebra::{Point2, Point3};
 use observation::{Encoders, Observation, find_observation};
 use occupancy::Occupancy;
 use rayon::prelude::*;
@@ -57,6 +59,10 @@ use tracks::Tracks;
 
 /// Names that are structure, not objects: they shape only the free space.
 const STRUCTURE: [&str; 5] = ["wall", "floor", "ceiling", "room", "ground"];
+
+fn is_structure(knowledge: &Knowledge, name: &str) -> bool {
+    STRUCTURE.contains(&knowledge.find(name).map_or(name, |category| &*category.name))
+}
 
 /// Builds a map from frames.
 pub struct MapBuilder {
@@ -123,15 +129,17 @@ impl MapBuilder {
         ended(Stage::CleanPoints);
         // Pose error of this frame, from what it shows of known objects.
         let assigned = self.associate(&draft, &observations);
-        let correction = self.correct(&draft, frame, &mut observations, &assigned);
+        let floor = if self.config.align { self.find_floor(frame, detections, carrier) } else { Vec::new() };
+        let correction = self.correct(&draft, frame, &mut observations, &assigned, &floor);
         // Multi view mapping: associate one to one, fuse, start new objects.
         let assigned = if correction.is_some() { self.associate(&draft, &observations) } else { assigned };
         let world_from_camera = correction.unwrap_or_default() * frame.world_from_camera;
         ended(Stage::Associate);
         let touched = self.fuse(&mut draft, frame, observations, assigned);
         ended(Stage::Window);
-        // Clean-up: duplicates, what is gone, what was never confirmed.
+        // Clean-up: duplicates, lower sides, what is gone, what was never confirmed.
         merge::merge_duplicates(&self.config, &mut draft, &mut self.tracks, &touched);
+        rest::settle(&mut draft, &self.tracks, &touched);
         absence::remove_absent(&self.config, &mut draft, &mut self.tracks, frame, &world_from_camera);
         ended(Stage::CleanUp);
         // Surroundings: free space, rooms, relations.
@@ -174,13 +182,20 @@ impl MapBuilder {
             .items
             .par_iter()
             .filter_map(|detection| {
-                let name = self.knowledge.find(&detection.name).map_or(&*detection.name, |c| &*c.name);
-                if STRUCTURE.contains(&name) {
+                if is_structure(&self.knowledge, &detection.name) {
                     return None;
                 }
-                find_observation(&self.config, &self.encoders, frame, detection, carrier, name)
+                let category = self.knowledge.find(&detection.name);
+                find_observation(&self.config, &self.encoders, frame, detection, carrier, category)
             })
             .collect()
+    }
+
+    /// Floor in view, from outside the masks of things.
+    fn find_floor(&self, frame: &RgbdFrame, detections: &Detections, carrier: &Carrier) -> Vec<Point3<f64>> {
+        let things = detections.items.iter().filter(|_| detections.frame == frame.id);
+        let things = things.filter(|item| !is_structure(&self.knowledge, &item.name));
+        floor::find_floor(frame, things.map(|item| &item.mask), carrier)
     }
 
     fn associate(&self, draft: &Draft, observations: &[Observation]) -> Vec<Option<ObjectId>> {
@@ -212,6 +227,7 @@ impl MapBuilder {
         frame: &RgbdFrame,
         observations: &mut [Observation],
         assigned: &[Option<ObjectId>],
+        floor: &[Point3<f64>],
     ) -> Option<Pose> {
         if !self.config.align {
             return None;
@@ -220,7 +236,7 @@ impl MapBuilder {
         let pairs: Vec<_> =
             observations.iter().zip(assigned).filter_map(|(o, id)| Some((o, stable(id.as_ref()?)?))).collect();
         let eye = frame.world_from_camera.translation.vector.into();
-        let correction = align::find_correction(&pairs, &eye)?;
+        let correction = align::find_correction(&pairs, floor, &eye)?;
         observations.iter_mut().for_each(|observation| observation.transform(&correction));
         Some(correction)
     }

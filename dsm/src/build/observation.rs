@@ -6,6 +6,7 @@ use super::view::View;
 use crate::Pose;
 use crate::frame::RgbdFrame;
 use crate::geometry::{Aabb, BoxUnion};
+use crate::knowledge::Category;
 use crate::map::MapPoint;
 use crate::perceive::{AttributeVote, Describer, Detection, ObjectView, TextEncoder, VisualEncoder};
 use nalgebra::{Point3, Vector3};
@@ -26,6 +27,8 @@ pub(super) struct Observation {
     pub(super) bounds: Aabb,
     /// Mean depth, metres.
     pub(super) distance_m: f64,
+    /// Usual extent from front to back of things of its name, metres.
+    pub(super) depth_m: Option<f64>,
     pub(super) visual_feature: Vec<f32>,
     pub(super) text_feature: Vec<f32>,
     pub(super) attributes: Vec<AttributeVote>,
@@ -58,7 +61,7 @@ pub(super) fn find_observation(
     frame: &RgbdFrame,
     detection: &Detection,
     carrier: &Carrier,
-    canonical_name: &str,
+    category: Option<&Category>,
 ) -> Option<Observation> {
     let mask = MaskBitmap::find(detection, frame, config)?;
     let (pixels, points) = sample_points(config, frame, &mask, carrier);
@@ -73,7 +76,7 @@ pub(super) fn find_observation(
     let object_view = ObjectView { frame, pixels: &pixels, name: &detection.name, extent_m: bounds.size() };
     let nearness = 1.0 / (1.0 + (depth / 3.0).powi(2)) as f32;
     Some(Observation {
-        name: canonical_name.to_owned(),
+        name: category.map_or(&detection.name, |category| &category.name).clone(),
         weight: detection.score.clamp(0.0, 1.0) * nearness * if mask.truncated { 0.5 } else { 1.0 },
         visual_feature: encoders.visual.encode(&object_view),
         text_feature: encoders.text.encode(&detection.name),
@@ -82,6 +85,7 @@ pub(super) fn find_observation(
         points,
         bounds,
         distance_m: depth,
+        depth_m: category.and_then(|category| category.depth_m),
     })
 }
 

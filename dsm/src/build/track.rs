@@ -21,6 +21,10 @@ pub(super) struct Track {
     pub(super) aabb: Aabb,
     /// Heights of its upward faces, metres.
     pub(super) surfaces: Vec<f64>,
+    /// What the best view lost of its outline, metres.
+    pub(super) lost_m: f64,
+    /// Usual depth of things of its name, metres.
+    depth_m: Option<f64>,
     /// Frames in a row that saw through it.
     pub(super) absent: u32,
     /// The last frames that showed it, oldest first.
@@ -34,8 +38,8 @@ impl Track {
     pub(super) fn from_object(config: &BuildConfig, object: &MapObject) -> Self {
         let aabb = robust_aabb(&object.points).unwrap_or_else(|| object.bounds.aabb());
         let mut window = Window::from_points(&object.points, &aabb);
-        let surfaces = window.find_shape(config).map_or_else(|| vec![object.bounds.top_m()], |shape| shape.surfaces);
-        Self { window, aabb, surfaces, absent: 0, seen: VecDeque::new(), related: None }
+        let surfaces = window.find_shape(config, None).map_or_else(|| vec![object.bounds.top_m()], |shape| shape.surfaces);
+        Self { window, aabb, surfaces, lost_m: 0.0, depth_m: None, absent: 0, seen: VecDeque::new(), related: None }
     }
 
     /// The first observation of a new object, whose identity is not given yet.
@@ -44,6 +48,8 @@ impl Track {
             window: Window::new(&observation.bounds),
             aabb: observation.bounds,
             surfaces: Vec::new(),
+            lost_m: 0.0,
+            depth_m: observation.depth_m,
             absent: 0,
             seen: VecDeque::new(),
             related: None,
@@ -81,6 +87,9 @@ impl Track {
         self.window.add(config, observation.view, &observation.points, &self.aabb.center());
         let weight = observation.weight.max(1e-3);
         object.names.add(&observation.name, weight);
+        if object.name() == observation.name {
+            self.depth_m = observation.depth_m;
+        }
         for vote in &observation.attributes {
             object.attributes.add(vote.kind, vote.key, &vote.word, vote.weight * weight);
         }
@@ -116,11 +125,12 @@ impl Track {
 
     /// Reads the shape off the window into the object; false when nothing is left.
     pub(super) fn reshape(&mut self, config: &BuildConfig, object: &mut MapObject) -> bool {
-        let Some(shape) = self.window.find_shape(config) else { return false };
+        let Some(shape) = self.window.find_shape(config, self.depth_m) else { return false };
         object.points = shape.points;
         object.bounds = shape.bounds;
         self.aabb = shape.aabb;
         self.surfaces = shape.surfaces;
+        self.lost_m = shape.lost_m;
         true
     }
 }

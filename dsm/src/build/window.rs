@@ -23,6 +23,9 @@ const FRINGE: f32 = 0.3;
 /// The same for larger things, whose far parts are seen seldom without being wrong.
 const LARGE_FRINGE: f32 = 0.05;
 
+/// Points of another thing that are looked at in each view.
+const COVER_SAMPLES: usize = 24;
+
 #[derive(Clone, Debug)]
 struct Voxel {
     key: [i32; 3],
@@ -56,6 +59,8 @@ pub(super) struct Shape {
     pub(super) aabb: Aabb,
     /// Heights of its upward faces in metres, rising; the top is the last.
     pub(super) surfaces: Vec<f64>,
+    /// What the best view lost of the outline, metres.
+    pub(super) lost_m: f64,
 }
 
 impl Window {
@@ -123,7 +128,9 @@ impl Window {
     }
 
     /// The surface that enough views agree on; `None` when nothing is left.
-    pub(super) fn find_shape(&mut self, config: &BuildConfig) -> Option<Shape> {
+    ///
+    /// `depth_m` is the usual depth of such things, see [`upright_box`].
+    pub(super) fn find_shape(&mut self, config: &BuildConfig, depth_m: Option<f64>) -> Option<Shape> {
         let mut points = self.kept_points(config);
         let aabb = robust_aabb(&points)?;
         let wanted = voxel_size_m(&aabb);
@@ -131,24 +138,50 @@ impl Window {
             self.coarsen(wanted);
             points = self.kept_points(config);
         }
-        let bounds = upright_box(&points, &aabb, f64::from(self.voxel_m), &self.seen(&aabb.center()))?;
+        let seen = self.seen(&aabb);
+        let bounds = upright_box(&points, &aabb, f64::from(self.voxel_m), &seen, depth_m)?;
         let surfaces = find_surfaces(&points, &bounds, f64::from(self.voxel_m));
         if points.len() > config.max_points {
             let step = points.len() as f64 / config.max_points as f64;
             points = (0..config.max_points).map(|i| points[(i as f64 * step) as usize]).collect();
         }
-        Some(Shape { points, bounds, aabb, surfaces })
+        Some(Shape { points, bounds, aabb, surfaces, lost_m: seen.lost_m })
     }
 
-    /// From where the views of the window look at a place.
-    fn seen(&self, center: &Point3<f64>) -> Seen {
+    /// From where the views of the window look at a thing.
+    fn seen(&self, aabb: &Aabb) -> Seen {
+        let center = aabb.center();
         let towards = |view: &View| (view.eye.cast::<f64>() - center).xy().try_normalize(1e-6);
         let sum = self.views.iter().filter_map(towards).fold(Vector2::zeros(), |sum, direction| sum + direction);
+        let above = |view: &View| if f64::from(view.eye.z) >= center.z { 1.0 } else { -1.0 };
         let lost_m = self.views.iter().map(|view| view.lost_m).fold(f32::INFINITY, f32::min);
+        let count = self.views.len().max(1) as f64;
         Seen {
-            towards: sum / self.views.len().max(1) as f64,
+            towards: sum / count,
+            above: self.views.iter().map(above).sum::<f64>() / count,
             lost_m: if lost_m.is_finite() { f64::from(lost_m) } else { 0.0 },
         }
+    }
+
+    /// Share of the views, among those that look at the points, in whose mask at least half of what they see of them lies;
+    /// with the number of such views.
+    pub(super) fn cover(&self, points: &[MapPoint]) -> (f64, usize) {
+        let (mut looking, mut covering) = (0, 0);
+        for view in &self.views {
+            let (mut inside, mut outside) = (0, 0);
+            for point in points.iter().step_by(points.len().div_ceil(COVER_SAMPLES).max(1)) {
+                match view.testify(&point.position, POSE_TOLERANCE_M + self.voxel_m) {
+                    Evidence::Agrees => inside += 1,
+                    Evidence::Denies => outside += 1,
+                    Evidence::Silent => {}
+                }
+            }
+            if 4 * (inside + outside) >= COVER_SAMPLES.min(points.len()) {
+                looking += 1;
+                covering += usize::from(inside >= outside);
+            }
+        }
+        (f64::from(covering as u32) / f64::from(looking.max(1) as u32), looking)
     }
 
     /// Points of the voxels that enough views agree on and that are no fringe.

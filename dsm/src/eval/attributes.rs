@@ -7,11 +7,13 @@
 //! - material: the winning word; the baseline is the likeliest material of the category that the map names.
 //! - pattern: plain or not; what the author gave no pattern and one colour is plain. The baseline is `plain` always.
 //! - weight: light, medium or heavy; the baseline is the class of the category's typical mass.
-//! - affordances: F1 over the words of uses and of how it is operated; the baseline is the category's own list.
+//! - affordances: F1 over the words of uses and of how it is operated, among those that the author of the scene uses at all:
+//!   who only says what opens has not said that nobody drinks from mugs. `affordance_open` counts every word. The baseline is
+//!   the category's own list.
 //!
 //! The baseline of colour is the commonest true colour of the scene: more than a prior could know.
 
-use super::scene::TrueThing;
+use super::scene::{TrueScene, TrueThing};
 use super::statistics::{F1Count, Share};
 use crate::knowledge::{Category, Knowledge, WordList};
 use crate::map::{AttributeKind, MapObject};
@@ -25,6 +27,10 @@ pub(super) struct AttributeCounts {
     /// Affordances, and their baseline.
     pub(super) affordance: F1Count,
     pub(super) affordance_prior: F1Count,
+    /// Affordances, where words that the author never uses count as wrong.
+    pub(super) affordance_open: F1Count,
+    /// Things whose affordances are not as they should be, one line each.
+    pub(super) faults: Vec<String>,
 }
 
 /// Words that mean the same affordance, canonical first.
@@ -69,6 +75,11 @@ fn is_plain(thing: &TrueThing) -> bool {
     plain && thing.attributes.color.as_deref() != Some("multicolored")
 }
 
+/// Words of one set that the other lacks.
+fn list_missing(first: &BTreeSet<&str>, second: &BTreeSet<&str>) -> String {
+    first.difference(second).copied().collect::<Vec<_>>().join(", ")
+}
+
 fn compare_affordances(count: &mut F1Count, said: &BTreeSet<&str>, real: &BTreeSet<&str>) {
     count.right += said.intersection(real).count();
     count.wrong += said.difference(real).count();
@@ -76,8 +87,14 @@ fn compare_affordances(count: &mut F1Count, said: &BTreeSet<&str>, real: &BTreeS
 }
 
 /// Compares all matched pairs.
-pub(super) fn compare(knowledge: &Knowledge, pairs: &[(&MapObject, &TrueThing)]) -> AttributeCounts {
+pub(super) fn compare(
+    knowledge: &Knowledge,
+    truth: &TrueScene,
+    pairs: &[(&MapObject, &TrueThing)],
+) -> AttributeCounts {
     let mut counts = AttributeCounts::default();
+    let authored = truth.objects.iter().flat_map(|thing| &thing.attributes.affordances);
+    let authored: BTreeSet<&str> = authored.map(|word| affordance(word)).collect();
     let colors = |word: &str| canonical(&knowledge.words().colors, word);
     let true_color = |thing: &TrueThing| thing.attributes.color.as_deref().filter(|c| *c != "multicolored").map(colors);
     let mut common: BTreeMap<String, usize> = BTreeMap::new();
@@ -113,8 +130,21 @@ pub(super) fn compare(knowledge: &Knowledge, pairs: &[(&MapObject, &TrueThing)])
                 // Words of a name that was said now and then only do not count.
                 Some(votes.iter().filter(move |(_, weight)| *weight >= 0.5 * most).map(|(word, _)| affordance(word)))
             });
-            compare_affordances(&mut counts.affordance, &said.flatten().collect(), &real);
+            let all: BTreeSet<&str> = said.flatten().collect();
+            let said: BTreeSet<&str> = all.intersection(&authored).copied().collect();
+            compare_affordances(&mut counts.affordance, &said, &real);
+            compare_affordances(&mut counts.affordance_open, &all, &real);
+            if said != real {
+                counts.faults.push(format!(
+                    "affordances: {} (truth {}): missed {}; wrong {}",
+                    object.name(),
+                    thing.category,
+                    list_missing(&real, &said),
+                    list_missing(&said, &real)
+                ));
+            }
             let prior = category.into_iter().flat_map(|c| c.uses.iter().chain(&c.operate)).map(|word| affordance(word));
+            let prior = prior.filter(|word| authored.contains(word));
             compare_affordances(&mut counts.affordance_prior, &prior.collect(), &real);
         }
     }

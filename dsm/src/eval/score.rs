@@ -25,7 +25,7 @@ const ERROR_POINTS: usize = 300;
 /// | `acc_25_seen`, `acc_50_seen` | the same against the box around the points that were seen |
 /// | `acc_25_axis`, `acc_50_axis` | `acc_25`, `acc_50` with axis-aligned boxes |
 /// | `name`, `color`, `material`, `pattern`, `weight` | of matched seen things; `_prior` is the baseline |
-/// | `affordance` | F1 over words; `affordance_prior` is the baseline |
+/// | `affordance` | F1 over the words that the author of the scene uses; `affordance_prior` is the baseline, `affordance_open` counts all words |
 /// | `relation`, `relation_KIND` | F1, see [`crate::map::RelationKind`] |
 /// | `room_precision`, `room_recall`, `room_name` | rooms with more than half in common |
 /// | `point_error_m` | mean distance of map points of matched things to the true surface |
@@ -55,10 +55,12 @@ pub fn score_map(map: &Map, truth: &TrueScene, config: &BuildConfig, knowledge: 
         .filter(|(_, thing)| thing.is_seen())
         .collect();
     score_boxes(&mut score, truth, &pairs);
-    let attributes = attributes::compare(knowledge, &pairs);
+    let attributes = attributes::compare(knowledge, truth, &pairs);
     score.shares.extend(attributes.shares.into_iter().map(|(name, share)| (name.to_owned(), share)));
+    score.faults.extend(attributes.faults);
     score.f1.insert("affordance".into(), attributes.affordance);
     score.f1.insert("affordance_prior".into(), attributes.affordance_prior);
+    score.f1.insert("affordance_open".into(), attributes.affordance_open);
     score_relations(&mut score, relations::compare(map, truth, &matching, config, knowledge));
     let rooms = rooms::compare(map, &truth.rooms, knowledge);
     score.shares.insert("room_precision".into(), Share { hits: rooms.matched, count: rooms.found });

@@ -24,6 +24,8 @@ pub struct Category {
     pub mass_kg: Option<f64>,
     /// Smallest and largest plausible length of its longest side in metres.
     pub size_m: Option<[f64; 2]>,
+    /// Usual extent from front to back in metres, for what stands or hangs with its back to a wall.
+    pub depth_m: Option<f64>,
     /// What it is for: `sit`, `drink`, ...
     pub uses: Vec<String>,
     /// How it is operated: `pick up`, `open`, ...
@@ -161,6 +163,7 @@ mod tests {
             let [smallest, largest] = category.size_m.unwrap();
             assert!(0.0 < smallest && smallest < largest, "{}", category.name);
             assert!(category.mass_kg.unwrap() > 0.0, "{}", category.name);
+            assert!(category.depth_m.is_none_or(|depth| 0.0 < depth && depth < largest), "{}", category.name);
         }
     }
 }

@@ -27,6 +27,7 @@ struct KindRow {
     used_with: Vec<String>,
     #[serde(default)]
     stored_in: Vec<String>,
+    depth_m: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -35,6 +36,7 @@ struct CategoryRow {
     kind: String,
     mass_kg: Option<f64>,
     size_m: Option<[f64; 2]>,
+    depth_m: Option<f64>,
     #[serde(default)]
     synonyms: Vec<String>,
     #[serde(default)]
@@ -102,6 +104,7 @@ pub(super) fn read_categories(text: &str) -> Result<Vec<Category>, KnowledgeErro
             materials: or_kind(row.materials, &kind.materials),
             mass_kg: row.mass_kg,
             size_m: row.size_m,
+            depth_m: row.depth_m.or(kind.depth_m),
             uses: or_kind(row.uses, &kind.uses),
             operate: or_kind(row.operate, &kind.operate),
             graspable: row.graspable.unwrap_or(kind.graspable),

@@ -1,13 +1,11 @@
 //! `dsm eval episodes-grounding`: explores, maps, and grounds expressions that are made from the truth.
 
-use super::eval_map::{find_drive, spec};
-use super::run::{catch_interrupt, set_threads};
-use super::suite::parse_seeds;
-use super::{Output, PerceptionChoice, ResultArgs, WorldArgs};
+use super::eval_drives::{DriveArgs, Drives};
+use super::run::catch_interrupt;
+use super::{Output, ResultArgs};
 use crate::assemble::knowledge;
 use crate::error::TaskError;
 use crate::run::RunSpec;
-use crate::settings::Settings;
 use crate::survey::{Condition, map_drive};
 use dsm::build::BuildConfig;
 use dsm::eval::{Answered, GroundingReport, answer_expressions, make_expressions, pool_answers};
@@ -16,7 +14,6 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -26,36 +23,17 @@ const SCHEMA: u32 = 1;
 /// Arguments of `dsm eval episodes-grounding`.
 #[derive(Debug, clap::Args)]
 pub struct EpisodesArgs {
-    /// Scenes: folders or MJCF files.
-    #[arg(value_name = "SCENE", required = true)]
-    scenes: Vec<PathBuf>,
-    /// Seeds A..B (B excluded) of each scene.
-    #[arg(long, value_name = "A..B", value_parser = parse_seeds, default_value = "0..1")]
-    seeds: (u64, u64),
+    #[command(flatten)]
+    drives: DriveArgs,
     /// Deviation of the believed camera position along each axis, centimetres, correlated over 10 s.
     #[arg(long, value_name = "CM", default_value_t = 3.0)]
     pose_noise_cm: f64,
     /// Also ground without the relation filter, without it and each kind of attribute, and without verification.
     #[arg(long)]
     ablations: bool,
-    /// Keep recorded drives in this folder, and use those that are there instead of driving again.
-    #[arg(long, value_name = "DIR")]
-    drives: Option<PathBuf>,
     /// List wrong answers, one line each.
     #[arg(long)]
     failures: bool,
-    /// Robot: a name that ships with the program, or the path of a robot.toml.
-    #[arg(long)]
-    robot: Option<String>,
-    /// Simulated perception.
-    #[arg(long)]
-    perception: Option<PerceptionChoice>,
-    /// Worker threads; never changes a result.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=256))]
-    threads: Option<u16>,
-    /// Simulated time for exploring, seconds.
-    #[arg(long)]
-    time_limit_s: Option<f64>,
     #[command(flatten)]
     result: ResultArgs,
 }
@@ -96,33 +74,13 @@ pub(super) fn run(args: EpisodesArgs) -> anyhow::Result<u8> {
     if !(0.0..=50.0).contains(&args.pose_noise_cm) {
         return Err(TaskError::Usage("--pose-noise-cm: expected 0 to 50".into()).into());
     }
-    let world = WorldArgs {
-        robot: args.robot.clone(),
-        perception: args.perception,
-        threads: args.threads,
-        time_limit_s: args.time_limit_s,
-        ..WorldArgs::default()
-    };
-    let settings = Settings::resolve(&world, None, &|_| false)?;
-    set_threads(settings.threads.value)?;
-    let specs: Vec<RunSpec> = args
-        .scenes
-        .iter()
-        .flat_map(|scene| (args.seeds.0..args.seeds.1).map(move |seed| (scene, seed)))
-        .map(|(scene, seed)| spec(scene, seed, &settings))
-        .collect();
-    for scene_specs in specs.chunk_by(|a, b| a.scene == b.scene) {
-        crate::assemble::check(&scene_specs[0])?;
-    }
-    if let Some(folder) = &args.drives {
-        std::fs::create_dir_all(folder).map_err(|source| TaskError::Read { path: folder.clone(), source })?;
-    }
+    let drives = args.drives.prepare()?;
     let interrupted = catch_interrupt()?;
     let mut answers: BTreeMap<&'static str, Vec<Answered>> = BTreeMap::new();
     let mut listed = BTreeMap::new();
-    let bar = ProgressBar::with_draw_target(Some(specs.len() as u64), ProgressDrawTarget::stderr());
-    for spec in &specs {
-        let made = ground_drive(spec, &args, &interrupted)?;
+    let bar = ProgressBar::with_draw_target(Some(drives.specs.len() as u64), ProgressDrawTarget::stderr());
+    for spec in &drives.specs {
+        let made = ground_drive(&drives, spec, &args, &interrupted)?;
         if interrupted.load(Ordering::Relaxed) {
             return Ok(130);
         }
@@ -138,9 +96,9 @@ pub(super) fn run(args: EpisodesArgs) -> anyhow::Result<u8> {
     let report = Report {
         schema: SCHEMA,
         tier: "own map",
-        perception: settings.perception.value.clone(),
+        perception: drives.perception.clone(),
         pose_noise_cm: args.pose_noise_cm,
-        maps: specs.len(),
+        maps: drives.specs.len(),
         rows: answers.iter().map(|(row, answers)| ((*row).to_owned(), pool_answers(answers))).collect(),
         answers: listed,
     };
@@ -150,12 +108,13 @@ pub(super) fn run(args: EpisodesArgs) -> anyhow::Result<u8> {
 
 /// Explores or reads the drive, maps it, and grounds all expressions for every row.
 fn ground_drive(
+    drives: &Drives,
     spec: &RunSpec,
     args: &EpisodesArgs,
     interrupted: &Arc<AtomicBool>,
 ) -> Result<Vec<(&'static str, Vec<Answered>)>, TaskError> {
     let knowledge = knowledge()?;
-    let moments = find_drive(spec, args.drives.as_deref(), interrupted)?;
+    let moments = drives.find(spec, interrupted)?;
     let condition = Condition { pose_noise_m: args.pose_noise_cm / 100.0, build: BuildConfig::default() };
     let (maps, truth) = map_drive(spec, &moments, &[condition])?;
     let expressions = make_expressions(&truth, &knowledge, spec.seed);

@@ -3,6 +3,7 @@
 mod bench;
 mod bench_map;
 mod eval;
+mod eval_drives;
 mod eval_episodes;
 mod eval_grounding;
 mod eval_map;

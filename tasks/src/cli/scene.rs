@@ -115,18 +115,22 @@ pub(super) fn run(command: SceneCommand) -> anyhow::Result<u8> {
             write(&made.map_err(|error| TaskError::Usage(error.to_string()))?, &target, result)
         }
         SceneCommand::Import { layout, seed, target, result } => {
-            let read = |source| TaskError::Read { path: layout.clone(), source };
-            let text = std::fs::read_to_string(&layout).map_err(read)?;
-            let wrong = |error| match error {
-                ImportError::Format { line, reason } => format!("{}:{line}: {reason}", layout.display()),
-                other => format!("{}: {other}", layout.display()),
-            };
-            let made = import_ithor(&text, seed).map_err(|error| TaskError::Usage(wrong(error)))?;
-            write(&made, &target, result)
+            write(&import(&layout, seed)?, &target, result)
         }
         SceneCommand::Labels { scene, seed, out, ascii, result } => labels(&scene, seed, &out, ascii, result),
         SceneCommand::Check { scene, result } => check(&scene, result),
     }
+}
+
+/// Reads a layout of AI2-THOR.
+pub(super) fn import(layout: &Path, seed: u64) -> Result<GeneratedScene, TaskError> {
+    let read = |source| TaskError::Read { path: layout.to_owned(), source };
+    let text = std::fs::read_to_string(layout).map_err(read)?;
+    let wrong = |error| match error {
+        ImportError::Format { line, reason } => format!("{}:{line}: {reason}", layout.display()),
+        other => format!("{}: {other}", layout.display()),
+    };
+    import_ithor(&text, seed).map_err(|error| TaskError::Usage(wrong(error)))
 }
 
 fn write(scene: &GeneratedScene, target: &Target, result: ResultArgs) -> anyhow::Result<u8> {
