@@ -7,6 +7,8 @@ mod color;
 mod describer;
 mod segment;
 mod text;
+mod texture;
+mod tone;
 mod visual;
 
 pub use color::{ColorName, ColorTable};

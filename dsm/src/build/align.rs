@@ -17,11 +17,11 @@ const KNOWN: usize = 400;
 /// Matches below which a frame is taken as it is.
 const LEAST_MATCHES: usize = 80;
 /// Most iterations.
-const ITERATIONS: usize = 5;
+const ITERATIONS: usize = 10;
 /// Step (metres and radians) below which the estimate has settled.
 const SETTLED: f64 = 1e-3;
-/// Farthest match in the first and in later iterations, metres.
-const REACH_M: [f64; 2] = [0.12, 0.07];
+/// Farthest match in the first iterations and in all later ones, metres.
+const REACH_M: [f64; 4] = [0.16, 0.12, 0.10, 0.07];
 /// Residual from which a match counts only linearly, metres.
 const HUBER_M: f64 = 0.03;
 /// Information of one match, 1/m^2: 5 cm, lowered since neighbouring points err alike.
@@ -58,7 +58,7 @@ pub(super) fn find_correction(
     let mut correction = Isometry3::identity();
     let mut found = Vector6::zeros();
     for iteration in 0..ITERATIONS {
-        let reach = REACH_M[iteration.min(1)];
+        let reach = REACH_M[iteration.min(REACH_M.len() - 1)];
         let mut information = Matrix6::from_diagonal(&prior_information());
         let mut pull = -prior_information().component_mul(&found);
         let mut matches = 0;
@@ -102,7 +102,7 @@ pub(super) fn find_correction(
         let step = information.cholesky()?.solve(&pull);
         found += step;
         correction = about(eye, &found);
-        if step.norm() < SETTLED {
+        if step.norm() < SETTLED && iteration > 0 {
             break;
         }
     }

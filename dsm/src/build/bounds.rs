@@ -9,11 +9,23 @@ use nalgebra::{Point2, Point3, UnitQuaternion, Vector2, Vector3};
 const ROUND_BELOW_M: f64 = 0.25;
 /// Length of the mean of the unit directions to the viewers from which a thing was seen from one side only.
 const ONE_SIDED: f64 = 0.7;
-/// Share of the width that must have shown in depth: half a cylinder shows half its width; a flat front shows less.
-const BULGE: f64 = 0.45;
-/// Share of the points before the near side of a completed thing: depth noise spreads them towards the viewer, and of a
-/// round front this share lies within a few millimetres.
-const NEAR_SHARE: f64 = 0.1;
+/// Share of the width that must have shown in depth: half a cylinder shows half its width, less what the views lost.
+const BULGE: f64 = 0.25;
+/// Width of the nearest quarter of a round thing over its whole width: two thirds without noise, all of it for a box.
+const ROUND_FRONT: f64 = 0.85;
+/// Share of the points before the place that the near side of a round thing is told from: noise moves it little ...
+const NEAR_SHARE: f64 = 0.3;
+/// ... and it lies this share of the width behind that side.
+const NEAR_DEPTH: f64 = 0.023;
+/// Depth of a small thing over its width when only a flat front was seen and nothing is known of its kind.
+const FLAT_DEPTH: f64 = 0.6;
+/// Share of the width from which a depth was seen well enough to be kept.
+const SEEN_DEPTH: f64 = 0.45;
+/// Height over width of what hangs flat on a wall, at least, when hardly a view reached its upper edge; but no more than the
+/// other, metres.
+const CUT_HEIGHT: (f64, f64) = (0.85, 1.0);
+/// What hangs flat on a wall is no deeper than this, metres.
+const FLAT_ON_WALL_M: f64 = 0.1;
 /// Greatest angle between the viewing direction and the side that is completed, as a cosine.
 const ALONG: f64 = 0.7;
 
@@ -28,6 +40,8 @@ const FACE_SHARE: f64 = 0.3;
 const FACE_LEAST_M: f64 = 0.12;
 /// ... unless the thing is thinner than this and than half of that edge.
 const SHEET_M: f64 = 0.05;
+/// Share of the points of a sheet that lie within 1.5 cm of its plane.
+const SHEET_SHARE: f64 = 0.5;
 /// Thickness of a thing of which one face was seen and nothing more is known, metres.
 const THINNEST_M: f64 = 0.02;
 /// Share of the usual depth below which only the front can have been seen.
@@ -42,6 +56,8 @@ pub(super) struct Seen {
     pub(super) above: f64,
     /// What the best view lost of the outline, where masks and depth mix two surfaces, metres.
     pub(super) lost_m: f64,
+    /// Whether the upper edge of the image cut the thing off in most views.
+    pub(super) cut_above: bool,
 }
 
 /// The upright box with the rectangle that fits best.
@@ -49,7 +65,7 @@ pub(super) struct Seen {
 /// A flat side lies where most of its points are, for depth noise is the same before and behind a surface. Other sides lie
 /// at the 1st and 99th percentile, grown by what the views lost. What was seen from the front alone is completed away from
 /// its viewers: a bulging small thing becomes as deep as it is wide, a front gets the usual depth of its kind (`depth_m`),
-/// a sheet 2 cm.
+/// a sheet 2 cm. What hangs flat on a wall and was cut off by the image's upper edge is taken for nearly as high as wide.
 pub(super) fn upright_box(
     points: &[MapPoint],
     aabb: &Aabb,
@@ -73,8 +89,12 @@ pub(super) fn upright_box(
     let towards = Vector3::new(towards.x, towards.y, seen.above);
     let outermost = (sides.low, sides.high);
     sides.settle_faces(&turned, voxel_m, seen.lost_m);
-    complete_round(&mut sides, &towards, &turned, outermost);
+    complete_small(&mut sides, &towards, &turned, outermost, depth_m);
     sides.thicken(&towards, depth_m);
+    if seen.cut_above && depth_m.is_some_and(|depth| depth <= FLAT_ON_WALL_M) {
+        let width = (sides.high - sides.low).xy().max();
+        sides.high.z = sides.high.z.max(sides.low.z + (CUT_HEIGHT.0 * width).min(CUT_HEIGHT.1));
+    }
     let Sides { low, high, .. } = sides;
     let size = (high - low).map(|side| side.max(0.5 * voxel_m));
     Some(OrientedBox { center: rotation * Point3::from((low + high) * 0.5), size, rotation })
@@ -107,7 +127,8 @@ impl Sides {
         for axis in 0..3 {
             let (u, v) = (size[(axis + 1) % 3], size[(axis + 2) % 3]);
             let is_sheet = size[axis] < SHEET_M && size[axis] < 0.5 * u.min(v);
-            let enough = FACE_SHARE * u * v / (voxel_m * voxel_m);
+            let covered = FACE_SHARE * u * v / (voxel_m * voxel_m);
+            let enough = if is_sheet { covered.max(SHEET_SHARE * points.len() as f64) } else { covered };
             for (side, outward) in [(0, -1.0), (1, 1.0)] {
                 let edge = if side == 0 { self.low[axis] } else { self.high[axis] };
                 let inside = points.iter().map(|p| (edge - f64::from(p[axis])) * outward);
@@ -124,7 +145,8 @@ impl Sides {
         let deep = usize::from(towards.y.abs() > towards.x.abs());
         for axis in 0..3 {
             let size = self.high[axis] - self.low[axis];
-            let front = axis == deep && towards.xy().norm() > 0.3 && self.faces[axis].contains(&true);
+            let lies = self.high.z - self.low.z < SHEET_M;
+            let front = axis == deep && !lies && towards.xy().norm() > 0.3 && self.faces[axis].contains(&true);
             let usual = depth_m.filter(|_| front);
             // A front may be thinner than it was measured, but no front is deeper than it was seen to be.
             let is_thin = usual.is_some_and(|depth| size < FRONT_SHARE * depth || depth < SHEET_M && size < SHEET_M);
@@ -162,32 +184,46 @@ fn find_face_m(inside: impl Iterator<Item = f64>, enough: f64) -> Option<f64> {
     Some(sum / count)
 }
 
-/// Makes the outline of a small thing as deep as it is wide when it was seen from one side and bulges: mugs, bowls, bottles
-/// and fruit are as deep as they are wide, and their far half never shows. A flat front says nothing about what is behind.
-fn complete_round(
+/// Completes the outline of a small thing that was seen from one side. Mugs, bowls, bottles and fruit bulge and are as deep
+/// as they are wide; their far half never shows. Of a flat front whose kind tells no depth the depth is guessed.
+fn complete_small(
     sides: &mut Sides,
     towards: &Vector3<f64>,
     points: &[Point3<f32>],
     (lowest, highest): (Vector3<f64>, Vector3<f64>),
+    depth_m: Option<f64>,
 ) {
     let distance = towards.xy().norm();
-    if distance < ONE_SIDED {
+    if distance < ONE_SIDED || depth_m.is_some_and(|depth| depth <= FLAT_ON_WALL_M) {
         return;
     }
     let deep = usize::from(towards.y.abs() > towards.x.abs());
     let (depth, width) = (highest[deep] - lowest[deep], sides.high[1 - deep] - sides.low[1 - deep]);
-    if towards[deep].abs() < ALONG * distance || width > ROUND_BELOW_M || !(BULGE * width..width).contains(&depth) {
+    if towards[deep].abs() < ALONG * distance || width > ROUND_BELOW_M || depth >= width {
         return;
     }
-    let mut along: Vec<f32> = points.iter().map(|p| p[deep]).collect();
-    let cut = (NEAR_SHARE * along.len() as f64) as usize;
-    let near = if towards[deep] > 0.0 { along.len().saturating_sub(1 + cut) } else { cut };
-    if near >= along.len() {
+    let outward = towards[deep].signum();
+    let front = if outward > 0.0 { highest[deep] } else { lowest[deep] };
+    let inside = |p: &Point3<f32>| (front - f64::from(p[deep])) * outward;
+    let (near, depth) = if depth >= BULGE * width && is_round(points, 1 - deep, 0.25 * depth, inside) {
+        let mut along: Vec<f32> = points.iter().map(|p| inside(p) as f32).collect();
+        let index = (NEAR_SHARE * along.len() as f64) as usize;
+        let near = f64::from(*along.select_nth_unstable_by(index, f32::total_cmp).1);
+        (front - outward * (near - NEAR_DEPTH * width), width)
+    } else if depth < SEEN_DEPTH * width && depth_m.is_none() && sides.high.z - sides.low.z > SHEET_M {
+        (if outward > 0.0 { sides.high[deep] } else { sides.low[deep] }, FLAT_DEPTH * width)
+    } else {
         return;
-    }
-    let near = f64::from(*along.select_nth_unstable_by(near, f32::total_cmp).1);
-    (sides.low[deep], sides.high[deep]) =
-        if towards[deep] > 0.0 { (near - width, near) } else { (near, near + width) };
+    };
+    (sides.low[deep], sides.high[deep]) = if outward > 0.0 { (near - depth, near) } else { (near, near + depth) };
+}
+
+/// Whether the points that are nearer than `reach` are narrower across than all of them.
+fn is_round(points: &[Point3<f32>], across: usize, reach: f64, inside: impl Fn(&Point3<f32>) -> f64) -> bool {
+    let width = |values: &mut [f32]| find_percentiles(values).map_or(0.0, |(low, high)| high - low);
+    let mut all: Vec<f32> = points.iter().map(|p| p[across]).collect();
+    let mut front: Vec<f32> = points.iter().filter(|p| inside(p) < reach).map(|p| p[across]).collect();
+    width(&mut front) < ROUND_FRONT * width(&mut all)
 }
 
 #[cfg(test)]
@@ -206,7 +242,7 @@ mod tests {
 
     fn bound(points: &[MapPoint], towards: [f64; 2], depth_m: Option<f64>) -> OrientedBox {
         let all: Vec<Point3<f64>> = points.iter().map(|p| p.position.cast()).collect();
-        let seen = Seen { towards: Vector2::from(towards), above: 1.0, lost_m: 0.0 };
+        let seen = Seen { towards: Vector2::from(towards), above: 1.0, ..Seen::default() };
         upright_box(points, &Aabb::from_points(&all).unwrap(), 0.01, &seen, depth_m).unwrap()
     }
 

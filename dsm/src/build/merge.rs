@@ -13,14 +13,14 @@ const SAME_NAME_OVERLAP: f64 = 0.5;
 /// The same for two objects that were seen apart in two frames or more: a stack of plates is not one plate.
 const SEEN_APART_OVERLAP: f64 = 0.75;
 /// Intersection over union from which two objects in one place are one whatever their names (label flicker).
-const SAME_PLACE_IOU: f64 = 0.6;
+const SAME_PLACE_IOU: f64 = 0.5;
 /// Text cosine from which names count as related, such as cabinet and wardrobe.
 const RELATED_NAMES: f32 = 0.2;
 /// Visual cosine asked of related names.
 const SAME_LOOK: f32 = 0.7;
 
 /// Share of the views of a thing, among those that look at another, whose masks must hold that one too.
-const COVERED_SHARE: f64 = 0.3;
+const COVERED_SHARE: f64 = 0.15;
 /// Sides below this are made thicker by as much before boxes are compared, metres.
 const THIN_M: f64 = 0.05;
 

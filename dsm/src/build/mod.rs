@@ -60,6 +60,11 @@ use tracks::Tracks;
 /// Names that are structure, not objects: they shape only the free space.
 const STRUCTURE: [&str; 5] = ["wall", "floor", "ceiling", "room", "ground"];
 
+/// Times that a frame's pose is corrected at most.
+const CORRECTIONS: usize = 2;
+/// Move of the camera from which it is corrected once more, metres.
+const LARGE_MOVE_M: f64 = 0.04;
+
 fn is_structure(knowledge: &Knowledge, name: &str) -> bool {
     STRUCTURE.contains(&knowledge.find(name).map_or(name, |category| &*category.name))
 }
@@ -127,13 +132,9 @@ impl MapBuilder {
         // Single view parsing.
         let mut observations = self.parse(frame, detections, carrier);
         ended(Stage::CleanPoints);
-        // Pose error of this frame, from what it shows of known objects.
-        let assigned = self.associate(&draft, &observations);
+        // Multi view mapping: associate one to one, take out this frame's pose error, fuse, start new objects.
         let floor = if self.config.align { self.find_floor(frame, detections, carrier) } else { Vec::new() };
-        let correction = self.correct(&draft, frame, &mut observations, &assigned, &floor);
-        // Multi view mapping: associate one to one, fuse, start new objects.
-        let assigned = if correction.is_some() { self.associate(&draft, &observations) } else { assigned };
-        let world_from_camera = correction.unwrap_or_default() * frame.world_from_camera;
+        let (assigned, world_from_camera) = self.locate(&draft, frame, &mut observations, floor);
         ended(Stage::Associate);
         let touched = self.fuse(&mut draft, frame, observations, assigned);
         ended(Stage::Window);
@@ -220,14 +221,39 @@ impl MapBuilder {
         assigned.into_iter().map(|candidate| candidate.map(|c| candidates[c])).collect()
     }
 
-    /// Moves the observations by the frame's pose error, if it can be told.
-    fn correct(
+    /// Associates the observations and moves them by the frame's pose error, if it can be told; again after a large move,
+    /// which brings small things within reach. Gives the objects of the observations and the corrected pose.
+    fn locate(
         &self,
         draft: &Draft,
         frame: &RgbdFrame,
         observations: &mut [Observation],
+        mut floor: Vec<Point3<f64>>,
+    ) -> (Vec<Option<ObjectId>>, Pose) {
+        let mut world_from_camera = frame.world_from_camera;
+        let mut assigned = self.associate(draft, observations);
+        for _ in 0..CORRECTIONS {
+            let eye = world_from_camera.translation.vector.into();
+            let Some(correction) = self.find_correction(draft, observations, &assigned, &floor, &eye) else { break };
+            observations.iter_mut().for_each(|observation| observation.transform(&correction));
+            floor.iter_mut().for_each(|point| *point = correction * *point);
+            let moved_m = (correction * eye - eye).norm();
+            world_from_camera = correction * world_from_camera;
+            assigned = self.associate(draft, observations);
+            if moved_m < LARGE_MOVE_M {
+                break;
+            }
+        }
+        (assigned, world_from_camera)
+    }
+
+    fn find_correction(
+        &self,
+        draft: &Draft,
+        observations: &[Observation],
         assigned: &[Option<ObjectId>],
         floor: &[Point3<f64>],
+        eye: &Point3<f64>,
     ) -> Option<Pose> {
         if !self.config.align {
             return None;
@@ -235,10 +261,7 @@ impl MapBuilder {
         let stable = |id: &ObjectId| draft.find(*id).filter(|object| object.state == ObjectState::Stable);
         let pairs: Vec<_> =
             observations.iter().zip(assigned).filter_map(|(o, id)| Some((o, stable(id.as_ref()?)?))).collect();
-        let eye = frame.world_from_camera.translation.vector.into();
-        let correction = align::find_correction(&pairs, floor, &eye)?;
-        observations.iter_mut().for_each(|observation| observation.transform(&correction));
-        Some(correction)
+        align::find_correction(&pairs, floor, eye)
     }
 
     /// Fuses observations into their objects and starts new ones; returns the objects that were touched.

@@ -17,6 +17,13 @@ pub(super) fn depth_noise_m(depth_m: f64) -> f64 {
     0.02 + 0.008 * depth_m * depth_m
 }
 
+/// How far the middle of a cluster may lie beside the outline of the largest one to be above or below it, metres.
+const STACKED_M: f64 = 0.03;
+/// Rows of pixels that a pole spans at least.
+const POLE_ROWS: usize = 8;
+/// Points of such a cluster over those of the largest one, at least.
+const STACKED_SHARE: f64 = 0.05;
+
 /// One detection with its geometry and features; lives for one frame.
 #[derive(Clone, Debug)]
 pub(super) struct Observation {
@@ -65,7 +72,7 @@ pub(super) fn find_observation(
 ) -> Option<Observation> {
     let mask = MaskBitmap::find(detection, frame, config)?;
     let (pixels, points) = sample_points(config, frame, &mask, carrier);
-    let kept = largest_cluster(&points, mean_depth_m(frame, &pixels));
+    let kept = largest_cluster(&points, &pixels, frame, &mask);
     if kept.len() < config.min_points {
         return None;
     }
@@ -138,6 +145,19 @@ impl MaskBitmap {
             && self.bits[row as usize * self.columns + column as usize]
     }
 
+    /// Whether the mask is narrow all the way from one row to another (excluded).
+    fn has_pole(&self, from: usize, to: usize) -> bool {
+        let width = |row: usize| {
+            let start = (row - self.first_row) * self.columns;
+            self.bits[start..start + self.columns].iter().filter(|inside| **inside).count()
+        };
+        let narrow = |row: usize| row >= self.first_row && (1..=self.columns / 4).contains(&width(row));
+        to >= from + POLE_ROWS && to <= self.first_row + self.rows && {
+            let count = (from..to).filter(|row| narrow(*row)).count();
+            10 * count >= 8 * (to - from)
+        }
+    }
+
     /// Pixels to leave out at the border, where masks and depth mix two surfaces.
     pub(super) fn erosion(&self) -> isize {
         match self.area {
@@ -193,9 +213,11 @@ fn is_sound(frame: &RgbdFrame, pixel: usize, max_depth_m: f64) -> bool {
         .all(|neighbour| frame.depth_m.get(neighbour).is_some_and(|&d| d > 0.0 && (f64::from(d) - depth).abs() < jump))
 }
 
-/// Indices of the points in the largest connected cluster, rising. Points are binned into cells; cells that touch are
+/// Indices of the points in the largest connected cluster, rising, with those of clusters right above or below it that a
+/// pole joins to it: the pole of a lamp is too thin to be measured. Points are binned into cells; cells that touch are
 /// one cluster (DBSCAN's density reachability with one point per cell). The cell grows with the depth noise.
-fn largest_cluster(points: &[MapPoint], depth_m: f64) -> Vec<usize> {
+fn largest_cluster(points: &[MapPoint], pixels: &[u32], frame: &RgbdFrame, mask: &MaskBitmap) -> Vec<usize> {
+    let depth_m = mean_depth_m(frame, pixels);
     let cell_m = (0.05 + depth_noise_m(depth_m)) as f32;
     let key = |p: &MapPoint| [p.position.x, p.position.y, p.position.z].map(|c| (c / cell_m).floor() as i32);
     let mut order: Vec<([i32; 3], usize)> = points.iter().enumerate().map(|(i, p)| (key(p), i)).collect();
@@ -236,12 +258,38 @@ fn largest_cluster(points: &[MapPoint], depth_m: f64) -> Vec<usize> {
             best = (size, seed);
         }
     }
-    let mut kept: Vec<usize> = cells
-        .iter()
-        .zip(&cluster)
-        .filter(|(_, c)| **c == best.1)
-        .flat_map(|(cell, _)| order[cell.1..cell.2].iter().map(|(_, i)| *i))
-        .collect();
+    let members = |wanted: usize| {
+        let own = cells.iter().zip(&cluster).filter(move |(_, c)| **c == wanted);
+        own.flat_map(|(cell, _)| order[cell.1..cell.2].iter().map(|(_, i)| *i))
+    };
+    let outline = |wanted: usize| {
+        let places: Vec<Point3<f64>> = members(wanted).map(|i| points[i].position.cast()).collect();
+        Aabb::from_points(&places)
+    };
+    let mut kept: Vec<usize> = members(best.1).collect();
+    let mut others: Vec<usize> = cluster.iter().copied().filter(|c| *c != best.1).collect();
+    others.sort_unstable();
+    others.dedup();
+    if !others.is_empty()
+        && let Some(main) = outline(best.1)
+    {
+        let is_stacked = |other: &Aabb| {
+            let middle = other.center();
+            (0..2).all(|i| (main.min[i] - STACKED_M..=main.max[i] + STACKED_M).contains(&middle[i]))
+        };
+        for other in others {
+            let count = members(other).count();
+            let large = count as f64 >= STACKED_SHARE * best.0 as f64;
+            let rows = |of: usize| members(of).map(|i| (pixels[i] / frame.model.width) as usize);
+            let joined = |own: usize| {
+                let range = |of: usize| Some((rows(of).min()?, rows(of).max()?));
+                range(own).zip(range(other)).is_some_and(|(a, b)| mask.has_pole(a.1.min(b.1) + 1, a.0.max(b.0)))
+            };
+            if large && outline(other).is_some_and(|o| is_stacked(&o)) && joined(best.1) {
+                kept.extend(members(other));
+            }
+        }
+    }
     kept.sort_unstable();
     kept
 }

@@ -38,7 +38,8 @@ impl Track {
     pub(super) fn from_object(config: &BuildConfig, object: &MapObject) -> Self {
         let aabb = robust_aabb(&object.points).unwrap_or_else(|| object.bounds.aabb());
         let mut window = Window::from_points(&object.points, &aabb);
-        let surfaces = window.find_shape(config, None).map_or_else(|| vec![object.bounds.top_m()], |shape| shape.surfaces);
+        let surfaces =
+            window.find_shape(config, None).map_or_else(|| vec![object.bounds.top_m()], |shape| shape.surfaces);
         Self { window, aabb, surfaces, lost_m: 0.0, depth_m: None, absent: 0, seen: VecDeque::new(), related: None }
     }
 

@@ -27,6 +27,8 @@ pub(super) struct View {
     pub(super) eye: Point3<f32>,
     /// What the eroded border of the mask is worth at the object, metres.
     pub(super) lost_m: f32,
+    /// Whether the mask ends at the upper edge of the image.
+    pub(super) cut_above: bool,
     camera_from_world: Matrix3<f32>,
     translation: Vector3<f32>,
     model: CameraModel,
@@ -65,6 +67,7 @@ impl View {
             frame: frame.id,
             eye: Point3::from(frame.world_from_camera.translation.vector).cast(),
             lost_m: (mask.erosion() as f64 * depth_m / frame.model.fx) as f32,
+            cut_above: mask.first_row == 0,
             camera_from_world: camera_from_world.rotation.to_rotation_matrix().into_inner(),
             translation: camera_from_world.translation.vector,
             model: frame.model,

@@ -23,6 +23,8 @@ const FRINGE: f32 = 0.3;
 /// The same for larger things, whose far parts are seen seldom without being wrong.
 const LARGE_FRINGE: f32 = 0.05;
 
+/// Share of the views that must end at the image's upper edge for the thing to count as cut off there.
+const CUT_SHARE: f64 = 0.7;
 /// Points of another thing that are looked at in each view.
 const COVER_SAMPLES: usize = 24;
 
@@ -160,6 +162,7 @@ impl Window {
             towards: sum / count,
             above: self.views.iter().map(above).sum::<f64>() / count,
             lost_m: if lost_m.is_finite() { f64::from(lost_m) } else { 0.0 },
+            cut_above: self.views.iter().filter(|view| view.cut_above).count() as f64 > CUT_SHARE * count,
         }
     }
 

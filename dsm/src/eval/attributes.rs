@@ -87,11 +87,7 @@ fn compare_affordances(count: &mut F1Count, said: &BTreeSet<&str>, real: &BTreeS
 }
 
 /// Compares all matched pairs.
-pub(super) fn compare(
-    knowledge: &Knowledge,
-    truth: &TrueScene,
-    pairs: &[(&MapObject, &TrueThing)],
-) -> AttributeCounts {
+pub(super) fn compare(knowledge: &Knowledge, truth: &TrueScene, pairs: &[(&MapObject, &TrueThing)]) -> AttributeCounts {
     let mut counts = AttributeCounts::default();
     let authored = truth.objects.iter().flat_map(|thing| &thing.attributes.affordances);
     let authored: BTreeSet<&str> = authored.map(|word| affordance(word)).collect();

@@ -138,10 +138,15 @@ fn name_of(l: f32, a: f32, b: f32) -> ColorName {
             _ => ColorName::Gray,
         };
     }
+    // What dim light leaves of a colour keeps its chroma over its lightness.
+    let saturation = chroma / l.max(1.0);
     match hue_deg {
         // Paler than any wood, for its lightness.
-        h if (55.0..112.0).contains(&h) && l > 50.0 && chroma < 0.36 * l => ColorName::Beige,
-        h if (185.0..222.0).contains(&h) && l > 48.0 && chroma > 14.0 => ColorName::Cyan,
+        h if (70.0..112.0).contains(&h) && l > 30.0 && saturation < 0.45 => ColorName::Beige,
+        h if (55.0..70.0).contains(&h) && l > 50.0 && saturation < 0.36 => ColorName::Beige,
+        h if (185.0..200.0).contains(&h) && l > 48.0 && chroma > 14.0 => ColorName::Cyan,
+        h if (200.0..225.0).contains(&h) && l > 30.0 && chroma > 10.0 => ColorName::Cyan,
+        h if !(20.0..338.0).contains(&h) && l > 30.0 && saturation < 1.05 => ColorName::Pink,
         h if !(8.0..345.0).contains(&h) => {
             if l > 50.0 {
                 ColorName::Pink
@@ -155,14 +160,14 @@ fn name_of(l: f32, a: f32, b: f32) -> ColorName {
         h if h < 44.0 && chroma < 26.0 && chroma < 0.75 * l => ColorName::Brown,
         h if h < 44.0 => ColorName::Red,
         h if h < 82.0 => {
-            if chroma > 0.8 * l && l > 42.0 {
+            if l > 28.0 && saturation > 1.45 - 0.009 * l {
                 ColorName::Orange
             } else {
                 ColorName::Brown
             }
         }
         h if h < 112.0 => {
-            if l < 50.0 && chroma < 42.0 {
+            if l < 50.0 && saturation < 0.75 {
                 ColorName::Brown
             } else {
                 ColorName::Yellow

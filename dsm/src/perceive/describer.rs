@@ -1,6 +1,8 @@
 //! The embedded describer: appearance from pixels, physical properties from geometry and prior, affordances from the
 //! knowledge table.
 
+use super::texture::Texture;
+use super::tone::Light;
 use super::{AttributeVote, ColorName, ColorTable, Describer, ObjectView};
 use crate::knowledge::{Category, Knowledge};
 use crate::map::AttributeKind::{self, Affordance, Appearance, Physical};
@@ -10,24 +12,15 @@ use std::sync::Arc;
 const SECOND_COLOR: f32 = 0.25;
 /// Mean lightness step between neighbouring pixels (CIELAB) from which a surface looks rough.
 const ROUGH: f32 = 4.5;
-/// Lightness spread (CIELAB, standard deviation) beyond shading from which a single-coloured surface is patterned.
-const PATTERNED: f32 = 14.0;
-/// Share of an object's pixels that are darker than its lit parts.
-const LIT_SHARE: f32 = 0.8;
-/// Lightness (CIELAB) of lit parts from which a thing without hue is white.
-const WHITE: f32 = 76.0;
-/// The same for what is about the lightest in view: dim light.
-const DIM_WHITE: f32 = 55.0;
-/// Share of the pixels of a frame that are darker than what counts as the lightest in view.
-const LIGHTEST_SHARE: f32 = 0.95;
-/// Lightness over that of the lightest in view from which a thing is about as light.
-const AS_LIGHT: f32 = 0.9;
-/// Pixels of a frame that are looked at for the lightest.
-const REFERENCE_PIXELS: usize = 600;
-/// Mean lightness step between neighbours of the same colour and lightness spread (CIELAB) from which a surface mirrors in
-/// streaks.
+/// Distance in the plane of hue and chroma, or in lightness (CIELAB), from which two colours are two.
+const DISTINCT_HUE: f32 = 22.0;
+const DISTINCT_LIGHTNESS: f32 = 35.0;
+/// Mean lightness step (CIELAB) between neighbours of the same colour from which a surface mirrors in streaks.
 const STREAKED_STEP: f32 = 2.3;
-const STREAKED_SPREAD: f32 = 7.0;
+/// Share of the pixels from which a second colour makes a print of contrasts.
+const PRINT_SHARE: f32 = 0.08;
+/// Weight of a material that the pixels show, beside 1 for the likeliest of the prior.
+const SHOWN_WEIGHT: f32 = 1.6;
 /// Density assumed for things of unknown mass, kilograms per cubic metre of their box (hollow household things).
 const BOX_DENSITY_KG_PER_M3: f64 = 150.0;
 
@@ -41,7 +34,8 @@ pub struct KnowledgeDescriber {
 /// What the pixels of one view say.
 struct PixelStatistics {
     shares: [f32; ColorName::ALL.len()],
-    lightness_spread: f32,
+    /// Mean CIELAB values of the pixels of each name.
+    means: [[f32; 3]; ColorName::ALL.len()],
     roughness: f32,
     /// Mean lightness step between neighbours of the same colour.
     streaks: f32,
@@ -55,15 +49,15 @@ impl KnowledgeDescriber {
     }
 
     fn measure(&self, view: &ObjectView) -> PixelStatistics {
-        let (mut shares, mut sum, mut squares, mut steps, mut highlights) =
-            ([0.0f32; ColorName::ALL.len()], 0.0, 0.0, 0.0, 0.0);
+        let (mut shares, mut steps, mut highlights) = ([0.0f32; ColorName::ALL.len()], 0.0, 0.0);
         let mut same = (0.0_f32, 0.0_f32);
+        let mut means = [[0.0f32; 3]; ColorName::ALL.len()];
         for &pixel in view.pixels {
             let pixel = pixel as usize;
             let color = self.colors.find(view.frame.color[pixel]);
             shares[color.name as usize] += 1.0;
-            sum += color.lightness;
-            squares += color.lightness * color.lightness;
+            let mean = &mut means[color.name as usize];
+            *mean = [mean[0] + color.lightness, mean[1] + color.a, mean[2] + color.b];
             if color.lightness > 95.0 {
                 highlights += 1.0;
             }
@@ -75,41 +69,35 @@ impl KnowledgeDescriber {
             }
         }
         let count = view.pixels.len().max(1) as f32;
+        for (mean, share) in means.iter_mut().zip(&shares) {
+            *mean = mean.map(|sum| sum / share.max(1.0));
+        }
         shares.iter_mut().for_each(|share| *share /= count);
-        let mean = sum / count;
         self.settle_tone(view, &mut shares);
         PixelStatistics {
             shares,
-            lightness_spread: (squares / count - mean * mean).max(0.0).sqrt(),
+            means,
             roughness: steps / count,
             streaks: same.0 / same.1.max(1.0),
             highlights: highlights / count,
         }
     }
 
-    /// Gives what is white or gray of a view to one of the two. Light only takes lightness away: a thing is as light as its
-    /// lit parts, and what is about the lightest in view is white though the light be dim.
+    /// Gives what is white or gray of a view to one of the two.
     fn settle_tone(&self, view: &ObjectView, shares: &mut [f32]) {
         let (white, gray) = (ColorName::White as usize, ColorName::Gray as usize);
         let both = shares[white] + shares[gray];
         if both == 0.0 {
             return;
         }
-        let tones = view.pixels.iter().map(|pixel| self.colors.find(view.frame.color[*pixel as usize]));
-        let tones = tones.filter(|color| matches!(color.name, ColorName::White | ColorName::Gray));
-        let lit = find_quantile(tones.map(|color| color.lightness).collect(), LIT_SHARE);
-        let step = view.frame.color.len().div_ceil(REFERENCE_PIXELS).max(1);
-        let all = view.frame.color.iter().step_by(step).map(|pixel| self.colors.find(*pixel).lightness);
-        let lightest = find_quantile(all.collect(), LIGHTEST_SHARE);
-        let is_white = lit > WHITE || lit > DIM_WHITE && lit > AS_LIGHT * lightest;
+        let is_tone = |pixel: &&u32| {
+            let name = self.colors.find(view.frame.color[**pixel as usize]).name;
+            matches!(name, ColorName::White | ColorName::Gray)
+        };
+        let pixels: Vec<u32> = view.pixels.iter().filter(is_tone).copied().collect();
+        let is_white = Light::measure(view, &self.colors).is_white(view, &self.colors, &pixels);
         (shares[white], shares[gray]) = if is_white { (both, 0.0) } else { (0.0, both) };
     }
-}
-
-/// The value below which a share of the values lies; 0 for none.
-fn find_quantile(mut values: Vec<f32>, share: f32) -> f32 {
-    let index = (share * values.len() as f32) as usize;
-    if index < values.len() { *values.select_nth_unstable_by(index, f32::total_cmp).1 } else { 0.0 }
 }
 
 impl Describer for KnowledgeDescriber {
@@ -121,19 +109,32 @@ impl Describer for KnowledgeDescriber {
         let category = self.knowledge.find(view.name);
         if !view.pixels.is_empty() {
             let statistics = self.measure(view);
+            let texture = Texture::measure(view);
             let mut ranked: Vec<_> = ColorName::ALL.into_iter().map(|n| (statistics.shares[n as usize], n)).collect();
             ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
             ranked.iter().take(3).filter(|(share, _)| *share > 0.1).for_each(|(share, name)| {
                 vote(Appearance, "color", name.word(), *share);
             });
+            let (main, second) = (ranked[0].1, ranked[1]);
+            let differ = statistics.differ(main, second.1);
+            let is_print = texture.is_contrasted() && second.0 > PRINT_SHARE && differ;
+            let look = Look {
+                color: main,
+                is_grained: texture.is_grained() && is_wood_colored(main),
+                is_woven: texture.is_woven() && is_wood_colored(main) && !texture.is_contrasted(),
+                // Metal mirrors lights and windows as streaks of its own colour.
+                is_streaked: texture.is_contrasted() && statistics.streaks > STREAKED_STEP && !is_print,
+                roughness: statistics.roughness,
+                highlights: statistics.highlights,
+            };
             let pattern = match () {
-                () if ranked[1].0 > SECOND_COLOR && !is_shade(ranked[0].1, ranked[1].1) => "multicolored",
-                () if statistics.lightness_spread > PATTERNED => "patterned",
+                () if second.0 > SECOND_COLOR && differ => "multicolored",
+                () if is_print || look.is_grained || look.is_woven => "patterned",
                 () => "plain",
             };
             vote(Appearance, "pattern", pattern, 1.0);
             vote(Appearance, "texture", if statistics.roughness > ROUGH { "rough" } else { "smooth" }, 1.0);
-            for (material, weight) in material_votes(category, ranked[0].1, &statistics) {
+            for (material, weight) in material_votes(category, &look) {
                 vote(Physical, "material", &material, weight);
                 if let Some(smoothness) = smoothness_of(&material) {
                     vote(Physical, "smoothness", smoothness, weight);
@@ -176,6 +177,15 @@ impl Describer for KnowledgeDescriber {
     }
 }
 
+impl PixelStatistics {
+    /// Whether two names are of two colours, not of one that lies between both.
+    fn differ(&self, first: ColorName, second: ColorName) -> bool {
+        let [one, two] = [first, second].map(|name| self.means[name as usize]);
+        let hue_apart = (one[1] - two[1]).hypot(one[2] - two[2]) > DISTINCT_HUE;
+        (hue_apart || (one[0] - two[0]).abs() > DISTINCT_LIGHTNESS) && !is_shade(first, second)
+    }
+}
+
 /// Whether one name is what shading makes of the other; then both together are no pattern.
 fn is_shade(first: ColorName, second: ColorName) -> bool {
     use ColorName::{Beige, Black, Brown, Gray, Orange, Pink, Red, White, Yellow};
@@ -198,37 +208,55 @@ fn is_shade(first: ColorName, second: ColorName) -> bool {
     )
 }
 
-/// The prior's materials, the likeliest first, moved by what the pixels show.
-fn material_votes(category: Option<&Category>, color: ColorName, statistics: &PixelStatistics) -> Vec<(String, f32)> {
-    let Some(category) = category else { return Vec::new() };
-    // Metal mirrors lights and windows as streaks of its own colour.
-    let streaked = statistics.streaks > STREAKED_STEP && statistics.lightness_spread > STREAKED_SPREAD;
-    category
-        .materials
-        .iter()
-        .enumerate()
-        .map(|(rank, material)| {
-            let prior = 1.0 / (1.0 + rank as f32);
-            let seen = match material.as_str() {
-                "metal" | "steel" | "stainless steel" if streaked => 2.0,
-                "ceramic" | "porcelain" | "plastic" | "glass" if streaked => -0.4,
-                "metal" | "steel" | "stainless steel" if color != ColorName::Gray => -0.4,
-                "wood" if matches!(color, ColorName::Brown | ColorName::Orange | ColorName::Beige) => 0.8,
-                "wood" if matches!(color, ColorName::Gray) => -0.3,
-                "metal" | "steel" | "stainless steel" if color == ColorName::Gray => 0.6,
-                "metal" | "glass" if statistics.highlights > 0.03 => 0.3,
-                "ceramic" | "porcelain" if color == ColorName::White => 0.4,
-                "fabric" | "cloth" | "cotton" | "wool" if statistics.roughness > ROUGH => 0.5,
-                "plastic"
-                    if matches!(color, ColorName::Red | ColorName::Blue | ColorName::Green | ColorName::Yellow) =>
-                {
-                    0.3
-                }
-                _ => 0.0,
-            };
-            (material.clone(), (prior + seen).max(0.05))
-        })
-        .collect()
+/// What a view shows of a material.
+struct Look {
+    color: ColorName,
+    is_grained: bool,
+    is_woven: bool,
+    is_streaked: bool,
+    roughness: f32,
+    highlights: f32,
+}
+
+/// The colours of bare wood and of wickerwork.
+fn is_wood_colored(color: ColorName) -> bool {
+    matches!(color, ColorName::Brown | ColorName::Beige | ColorName::Orange | ColorName::Yellow)
+}
+
+/// The prior's materials, the likeliest first, moved by what the pixels show, and those that the pixels show by themselves:
+/// a bowl may be of wood though bowls are ceramic as a rule.
+fn material_votes(category: Option<&Category>, look: &Look) -> Vec<(String, f32)> {
+    let listed = category.map_or(&[] as &[String], |category| &category.materials);
+    let shown = [("wood", look.is_grained), ("wicker", look.is_woven), ("metal", look.is_streaked)];
+    let unlisted = shown.iter().filter(|(word, is_shown)| *is_shown && !listed.iter().any(|m| m == word));
+    let unlisted: Vec<(String, f32)> = unlisted.map(|(word, _)| ((*word).to_owned(), SHOWN_WEIGHT)).collect();
+    let bright = {
+        use ColorName::{Blue, Cyan, Green, Pink, Purple, Red, Yellow};
+        matches!(look.color, Red | Blue | Green | Yellow | Purple | Pink | Cyan)
+    };
+    let bare = is_wood_colored(look.color) && !look.is_grained;
+    let votes = listed.iter().enumerate().map(|(rank, material)| {
+        let prior = 1.0 / (1.0 + rank as f32);
+        let seen = match material.as_str() {
+            "metal" if look.is_streaked => SHOWN_WEIGHT,
+            "wood" if look.is_grained => SHOWN_WEIGHT,
+            "wicker" if look.is_woven => SHOWN_WEIGHT,
+            "ceramic" | "plastic" | "glass" if look.is_streaked => -0.4,
+            "metal" if look.color != ColorName::Gray => -0.4,
+            "metal" => 0.6,
+            // Wood in its own colour shows its grain, if it is near enough.
+            "wood" if bare => -0.6,
+            "wood" if bright => -0.3,
+            "wood" if look.color == ColorName::Gray => -0.3,
+            "glass" if look.highlights > 0.03 => 0.3,
+            "ceramic" if look.color == ColorName::White => 0.4,
+            "fabric" if look.roughness > ROUGH => 0.5,
+            "plastic" | "fabric" if bright => 0.3,
+            _ => 0.0,
+        };
+        (material.clone(), (prior + seen).max(0.05))
+    });
+    votes.chain(unlisted).collect()
 }
 
 fn smoothness_of(material: &str) -> Option<&'static str> {

@@ -32,6 +32,9 @@ pub struct MapArgs {
     /// Also map with this part switched off.
     #[arg(long)]
     ablate: Vec<Part>,
+    /// Switch parts off at these noises only, centimetres, separated by commas; at all when left out.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_noise, requires = "ablate")]
+    ablate_at_cm: Vec<f64>,
     /// Scenes and seeds that run side by side; never changes a result.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     workers: u16,
@@ -126,13 +129,18 @@ pub(super) fn run(args: MapArgs) -> anyhow::Result<u8> {
 /// Every noise as it is, and with each part switched off.
 fn conditions(args: &MapArgs) -> Vec<Condition> {
     let whole = BuildConfig::default();
-    let mut builds = vec![whole.clone()];
-    builds.extend(args.ablate.iter().map(|part| match part {
+    let ablated = args.ablate.iter().map(|part| match part {
         Part::Window => BuildConfig { window: false, ..whole.clone() },
         Part::Align => BuildConfig { align: false, ..whole.clone() },
-    }));
-    let noises = args.pose_noise_cm.iter().map(|cm| cm / 100.0);
-    noises.flat_map(|m| builds.iter().map(move |build| Condition { pose_noise_m: m, build: build.clone() })).collect()
+    });
+    let ablated: Vec<BuildConfig> = ablated.collect();
+    let of_noise = |cm: &f64| {
+        let also = args.ablate_at_cm.is_empty() || args.ablate_at_cm.contains(cm);
+        let builds = std::iter::once(whole.clone()).chain(ablated.iter().filter(|_| also).cloned());
+        let pose_noise_m = cm / 100.0;
+        builds.map(|build| Condition { pose_noise_m, build }).collect::<Vec<_>>()
+    };
+    args.pose_noise_cm.iter().flat_map(of_noise).collect()
 }
 
 /// Frames of a drive, and one score for each condition.
@@ -227,6 +235,13 @@ mod tests {
         let conditions = conditions(&args);
         let short: Vec<(f64, bool)> = conditions.iter().map(|c| (c.pose_noise_m, c.build.window)).collect();
         assert_eq!(short, [(0.0, true), (0.0, false), (0.025, true), (0.025, false)]);
+    }
+
+    #[test]
+    fn parts_are_switched_off_at_some_noises_only() {
+        let args = args(&["s", "--pose-noise-cm", "0,1", "--ablate", "align", "--ablate-at-cm", "1"]).unwrap();
+        let short: Vec<(f64, bool)> = conditions(&args).iter().map(|c| (c.pose_noise_m, c.build.align)).collect();
+        assert_eq!(short, [(0.0, true), (0.01, true), (0.01, false)]);
     }
 
     #[test]

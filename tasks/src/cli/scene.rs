@@ -114,9 +114,7 @@ pub(super) fn run(command: SceneCommand) -> anyhow::Result<u8> {
             let made = generate_home(&HomeConfig { seed, rooms, objects });
             write(&made.map_err(|error| TaskError::Usage(error.to_string()))?, &target, result)
         }
-        SceneCommand::Import { layout, seed, target, result } => {
-            write(&import(&layout, seed)?, &target, result)
-        }
+        SceneCommand::Import { layout, seed, target, result } => write(&import(&layout, seed)?, &target, result),
         SceneCommand::Labels { scene, seed, out, ascii, result } => labels(&scene, seed, &out, ascii, result),
         SceneCommand::Check { scene, result } => check(&scene, result),
     }
