@@ -19,6 +19,8 @@ pub(super) fn depth_noise_m(depth_m: f64) -> f64 {
 
 /// How far the middle of a cluster may lie beside the outline of the largest one to be above or below it, metres.
 const STACKED_M: f64 = 0.03;
+/// Heights closer than this are one, metres.
+const LEVEL_M: f64 = 0.05;
 /// Rows of pixels that a pole spans at least.
 const POLE_ROWS: usize = 8;
 /// Points of such a cluster over those of the largest one, at least.
@@ -213,8 +215,9 @@ fn is_sound(frame: &RgbdFrame, pixel: usize, max_depth_m: f64) -> bool {
         .all(|neighbour| frame.depth_m.get(neighbour).is_some_and(|&d| d > 0.0 && (f64::from(d) - depth).abs() < jump))
 }
 
-/// Indices of the points in the largest connected cluster, rising, with those of clusters right above or below it that a
-/// pole joins to it: the pole of a lamp is too thin to be measured. Points are binned into cells; cells that touch are
+/// Indices of the points in the largest connected cluster, rising, with those of clusters within its outline at its height,
+/// between which something else stands, and of clusters right above or below it that a pole joins to it: the pole of a lamp
+/// is too thin to be measured. Points are binned into cells; cells that touch are
 /// one cluster (DBSCAN's density reachability with one point per cell). The cell grows with the depth noise.
 fn largest_cluster(points: &[MapPoint], pixels: &[u32], frame: &RgbdFrame, mask: &MaskBitmap) -> Vec<usize> {
     let depth_m = mean_depth_m(frame, pixels);
@@ -285,7 +288,9 @@ fn largest_cluster(points: &[MapPoint], pixels: &[u32], frame: &RgbdFrame, mask:
                 let range = |of: usize| Some((rows(of).min()?, rows(of).max()?));
                 range(own).zip(range(other)).is_some_and(|(a, b)| mask.has_pole(a.1.min(b.1) + 1, a.0.max(b.0)))
             };
-            if large && outline(other).is_some_and(|o| is_stacked(&o)) && joined(best.1) {
+            let Some(bounds) = outline(other).filter(|o| large && is_stacked(o)) else { continue };
+            let level = bounds.min.z <= main.max.z + LEVEL_M && main.min.z <= bounds.max.z + LEVEL_M;
+            if level || joined(best.1) {
                 kept.extend(members(other));
             }
         }

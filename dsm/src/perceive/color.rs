@@ -145,7 +145,7 @@ fn name_of(l: f32, a: f32, b: f32) -> ColorName {
         h if (70.0..112.0).contains(&h) && l > 30.0 && saturation < 0.45 => ColorName::Beige,
         h if (55.0..70.0).contains(&h) && l > 50.0 && saturation < 0.36 => ColorName::Beige,
         h if (185.0..200.0).contains(&h) && l > 48.0 && chroma > 14.0 => ColorName::Cyan,
-        h if (200.0..225.0).contains(&h) && l > 30.0 && chroma > 10.0 => ColorName::Cyan,
+        h if (200.0..218.0).contains(&h) && l > 30.0 && chroma > 10.0 => ColorName::Cyan,
         h if !(20.0..338.0).contains(&h) && l > 30.0 && saturation < 1.05 => ColorName::Pink,
         h if !(8.0..345.0).contains(&h) => {
             if l > 50.0 {

@@ -116,9 +116,9 @@ mod tests {
     fn noise_grain_and_weave_are_told_apart() {
         let plain = measure(|x, _| 100.0 + x);
         assert!(!plain.is_grained() && !plain.is_contrasted() && !plain.is_woven(), "{plain:?}");
-        let wood = measure(|_, y| 100.0 * (0.93 + 0.05 * (0.8 * y).sin()));
+        let wood = measure(|_, y| 100.0 * (0.93 + 0.025 * (0.8 * y).sin()));
         assert!(wood.is_grained() && !wood.is_woven(), "{wood:?}");
-        let stripes = measure(|_, y| if (y / 4.0) as i32 % 2 == 0 { 60.0 } else { 200.0 });
+        let stripes = measure(|_, y| if (y / 6.0) as i32 % 2 == 0 { 60.0 } else { 200.0 });
         assert!(stripes.is_contrasted() && !stripes.is_grained(), "{stripes:?}");
         let weave = measure(|x, y| if (x as i32 / 2 + y as i32 / 2) % 2 == 0 { 100.0 } else { 75.0 });
         assert!(weave.is_woven(), "{weave:?}");
