@@ -48,7 +48,7 @@ pub struct F1Count {
 pub enum Method {
     /// Percentiles over scenes drawn with replacement: things of one scene err alike.
     Scenes,
-    /// Wilson's for shares, as if all trials were independent: for fewer than [`LEAST_SCENES`] scenes, and for shares that
+    /// Wilson's for shares, as if all trials were independent: for fewer than five scenes, and for shares that
     /// are 0 or 1 in every scene.
     Wilson,
 }
