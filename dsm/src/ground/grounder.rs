@@ -7,7 +7,7 @@ use super::decide::{self, Choice};
 use super::filter::{self, Context};
 use super::noun::Names;
 use super::parse::{Attachment, parse_query};
-use super::query::{Entity, Noun, Query};
+use super::query::{Entity, Noun, Query, Viewpoint};
 use super::referring::{Features, RankingWeights, features_of, find_mentions};
 use super::retrieve;
 use super::rooms;
@@ -162,8 +162,20 @@ impl Grounder {
         if matches!(query.target.noun, Noun::Thing(_)) && fits(&query.target.noun) {
             return query;
         }
+        // "the stall" where nothing is called so but a "bathroom stall".
+        if let Noun::Thing(said) = &query.target.noun
+            && let Some(fuller) = names.find_fuller(said)
+        {
+            query.target.noun = Noun::Thing(fuller.to_owned());
+            return query;
+        }
         let mut anchors = Vec::new();
         collect_anchors(&query.target, &mut anchors);
+        let faced = match &query.viewpoint {
+            Some(Viewpoint { at: Entity { noun: Noun::Thing(faced), .. }, .. }) => Some(faced.clone()),
+            _ => None,
+        };
+        anchors.extend(faced.clone());
         let is_bound = |phrase: &str| matches!(phrase, "wall" | "walls" | "floor" | "ceiling" | "object" | "objects");
         let named = (0..words.len()).find_map(|start| {
             let ends = (start + 1..=words.len().min(start + 3)).rev();
@@ -171,7 +183,8 @@ impl Grounder {
                 names.contain(phrase) && !is_bound(phrase) && !anchors.iter().any(|anchor| anchor == phrase)
             })
         });
-        query.target.noun = named.map_or(Noun::Anything, Noun::Thing);
+        // "facing the cabinets, right" speaks of the cabinets.
+        query.target.noun = named.or(faced).map_or(Noun::Anything, Noun::Thing);
         query
     }
 

@@ -43,6 +43,27 @@ impl Names {
     pub(super) fn contain(&self, phrase: &str) -> bool {
         self.known.contains(phrase) || singular_of(phrase).iter().any(|singular| self.known.contains(singular))
     }
+
+    /// The shortest name that holds all words of a phrase: "bathroom stall door" for "stall door".
+    pub(super) fn find_fuller(&self, phrase: &str) -> Option<&str> {
+        let holds = |name: &&String| {
+            phrase.split(' ').all(|word| name.split(' ').any(|part| part == word)) && name.len() > phrase.len()
+        };
+        self.known.iter().filter(holds).min_by_key(|name| name.len()).map(String::as_str)
+    }
+
+    /// The one name that a misspelt phrase comes close to: a letter away, two from 8 letters on, first letter right.
+    fn find_misspelt(&self, phrase: &str) -> Option<&str> {
+        let length = phrase.chars().count();
+        let allowed = if length >= 8 { 2 } else { 1 };
+        let initial = phrase.chars().next().filter(|_| length >= 4)?;
+        let close = |name: &&String| name.starts_with(initial) && strsim::osa_distance(name, phrase) <= allowed;
+        let mut close = self.known.iter().filter(close);
+        match (close.next(), close.next()) {
+            (Some(only), None) => Some(only),
+            _ => None,
+        }
+    }
 }
 
 /// Finds the head of a run of words: its longest ending that names something, else its last word.
@@ -84,9 +105,19 @@ pub(super) fn find_head(run: &[String], knowledge: &Knowledge, names: &Names) ->
     if words::is_anything(&run[last]) {
         return head(Noun::Anything, last, true);
     }
-    // Misspelt: two words first, then one.
+    // Misspelt: two words first, then one; but no word that means something else.
+    let means_else = is_description(&run[last], knowledge);
+    if names.lenient && !means_else && names.find_fuller(&run[last]).is_some() {
+        return head(Noun::Thing(run[last].clone()), last, true);
+    }
     for start in [last.saturating_sub(1), last] {
         let phrase = run[start..].join(" ");
+        if means_else {
+            break;
+        }
+        if let Some(name) = names.find_misspelt(&phrase) {
+            return head(Noun::Thing(name.to_owned()), start, true);
+        }
         if let Some(category) = knowledge.find_tolerant(&phrase) {
             return head(Noun::Thing(category.name.clone()), start, true);
         }
@@ -99,11 +130,22 @@ pub(super) fn find_head(run: &[String], knowledge: &Knowledge, names: &Names) ->
         }
     }
     // "the red": a description without a noun.
-    let ordinal = words::find_ordinal(&run[last]).is_some();
-    if ordinal || words::find_superlative(&run[last]).is_some() || find_attribute(&run[last], knowledge).is_some() {
+    if means_else {
         return head(Noun::Anything, run.len(), true);
     }
     head(Noun::Thing(run[last].clone()), last, false)
+}
+
+/// Words that describe and are spelt like things: "open" is no oven.
+const DESCRIBING: [&str; 10] =
+    ["open", "opened", "closed", "shaped", "colored", "coloured", "stacked", "wheeled", "lit", "empty"];
+
+/// Whether a word says how or which a thing is, and not what.
+pub(super) fn is_description(word: &str, knowledge: &Knowledge) -> bool {
+    DESCRIBING.contains(&word)
+        || words::find_ordinal(word).is_some()
+        || words::find_superlative(word).is_some()
+        || find_attribute(word, knowledge).is_some()
 }
 
 /// The attribute that a word states.

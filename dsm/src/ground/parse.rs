@@ -10,6 +10,7 @@ use super::noun::{self, Head, Names};
 use super::query::{
     Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection, Viewpoint,
 };
+use super::subject::with_subject_first;
 use super::words;
 use crate::knowledge::Knowledge;
 
@@ -35,6 +36,8 @@ pub(super) fn parse_query(
     attachment: Attachment,
 ) -> Option<Query> {
     let lenient = names.lenient;
+    let turned = if lenient { with_subject_first(tokens, knowledge, names) } else { None };
+    let tokens = turned.as_deref().unwrap_or(tokens);
     let mut parser = Parser {
         tokens,
         at: 0,
@@ -137,7 +140,22 @@ impl Parser<'_> {
         while matches!(
             self.peek(),
             Some(
-                "there" | "it" | "this" | "these" | "those" | "is" | "are" | "," | "." | "and" | "that" | "you" | "for"
+                "there"
+                    | "it"
+                    | "this"
+                    | "these"
+                    | "those"
+                    | "is"
+                    | "are"
+                    | ","
+                    | "."
+                    | "and"
+                    | "that"
+                    | "you"
+                    | "for"
+                    | "will"
+                    | "would"
+                    | "should"
             )
         ) {
             self.at += 1;
@@ -227,7 +245,9 @@ impl Parser<'_> {
         });
         let before = (self.at + ahead).checked_sub(1).map(|i| self.tokens[i].as_str());
         let opens = ahead > 0 || before.is_none_or(|before| words::is_function_word(before) && before != "that");
-        opens && !verb
+        // "trash can"
+        let named = before.is_some_and(|before| self.knowledge.find_exact(&format!("{before} can")).is_some());
+        (opens || named) && !verb
     }
 
     /// Number of content words from here on.
@@ -236,6 +256,15 @@ impl Parser<'_> {
         let mut length = 0;
         while length < rest.len() && length < 8 {
             let token = rest[length].as_str();
+            // "a black, wheeled chair", "the glass and wood table": the description goes on.
+            if matches!(token, "," | "and")
+                && length > 0
+                && noun::is_description(&rest[length - 1], self.knowledge)
+                && self.describes_on(length + 1)
+            {
+                length += 1;
+                continue;
+            }
             if words::is_function_word(token) && !(token == "can" && self.is_noun_can(length)) {
                 break;
             }
@@ -246,12 +275,26 @@ impl Parser<'_> {
                     .get(1)
                     .is_some_and(|next| !words::is_function_word(next) && words::find_relation(&tail[1..]).is_none())
                 && length == 0;
-            if !describes && (words::find_relation(tail).is_some() || words::find_place(tail).is_some()) {
+            // "the stall furthest to the left"
+            let trails = length > 0
+                && words::find_superlative(token).is_some()
+                && tail.get(1).is_none_or(|next| words::is_function_word(next));
+            if trails || !describes && (words::find_relation(tail).is_some() || words::find_place(tail).is_some()) {
                 break;
             }
             length += 1;
         }
         length
+    }
+
+    /// Whether the words from `ahead` of here on are descriptions followed by a thing's name.
+    fn describes_on(&self, ahead: usize) -> bool {
+        let rest = &self.rest()[ahead..];
+        let described = rest.iter().take_while(|word| noun::is_description(word, self.knowledge)).count();
+        let names = |word: &String| {
+            !words::is_function_word(word) && (self.names.contain(word) || self.knowledge.find_exact(word).is_some())
+        };
+        described > 0 && rest[described..].iter().take(2).any(names)
     }
 
     /// Reads the words before the noun.

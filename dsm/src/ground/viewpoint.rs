@@ -6,15 +6,20 @@ use super::query::{Entity, Noun, RelationTerm, RelationWord, Viewpoint};
 use super::words;
 
 /// Words that open a clause about the viewer.
-const OPENERS: [&str; 22] = [
+const OPENERS: [&str; 23] = [
     "facing", "looking", "look", "if", "when", "while", "as", "standing", "stand", "from", "sitting", "entering",
-    "walking", "upon", "with", "face", "assuming", "imagine", "coming", "once", "after", "viewing",
+    "walking", "upon", "with", "face", "assuming", "imagine", "coming", "once", "after", "viewing", "staring",
 ];
 /// Words after which the faced thing is named.
 const FACED: [&str; 8] = ["facing", "face", "at", "towards", "toward", "viewing", "view", "see"];
 /// Words that tell that the viewer comes in.
 const ENTERING: [&str; 11] =
     ["enter", "entering", "entered", "come", "coming", "walk", "walking", "entrance", "door", "doorway", "into"];
+
+/// Whether a word opens a clause about the viewer.
+pub(super) fn is_opener(word: &str) -> bool {
+    OPENERS.contains(&word)
+}
 
 impl Parser<'_> {
     /// "facing the window, ...", "when you enter through the door, ...": skips the clause and notes the viewpoint.
@@ -23,8 +28,7 @@ impl Parser<'_> {
             return;
         }
         let start = self.at;
-        let length =
-            self.rest().iter().position(|token| matches!(token.as_str(), "," | ".")).unwrap_or(self.rest().len());
+        let length = clause_length(self.rest());
         let clause = self.rest()[..length].to_vec();
         let looks = |place: usize| clause[place] != "at" || place > 0 && clause[place - 1].starts_with("look");
         let faced = (0..clause.len()).rev().find(|&place| FACED.contains(&clause[place].as_str()) && looks(place));
@@ -162,6 +166,26 @@ impl Parser<'_> {
         self.at += 1 + usize::from(next.first().is_some_and(|word| word == "one"));
         Some(rank)
     }
+}
+
+/// Words with which the sentence proper begins after a clause about the viewer that no mark ends.
+const RESUMES: [[&str; 2]; 9] = [
+    ["it", "is"],
+    ["its", "the"],
+    ["its", "a"],
+    ["you", "want"],
+    ["you", "will"],
+    ["you", "need"],
+    ["choose", "the"],
+    ["select", "the"],
+    ["pick", "the"],
+];
+
+/// Length of the clause at the start: up to a mark, or to where the sentence proper begins.
+fn clause_length(tokens: &[String]) -> usize {
+    let mark = tokens.iter().position(|token| matches!(token.as_str(), "," | ".")).unwrap_or(tokens.len());
+    let resumes = tokens[..mark].windows(2).skip(2).position(|pair| RESUMES.iter().any(|words| words[..] == *pair));
+    resumes.map_or(mark, |place| place + 2)
 }
 
 /// How the target stands to a thing that stands so to the target; `None` when nothing follows.

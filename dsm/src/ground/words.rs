@@ -66,6 +66,14 @@ fn join_split_words(tokens: &mut Vec<String>) {
                 at += 1;
                 continue;
             }
+            ("closes", "to") => {
+                tokens[at] = "closest".to_owned();
+                continue;
+            }
+            // "the furthest left of the four"
+            ("furthest" | "farthest", side @ ("left" | "right")) if tokens.get(at + 2).is_some_and(|t| t == "of") => {
+                format!("{side}most")
+            }
             ("wall", "mounted" | "mount" | "hung") => "mounted".to_owned(),
             _ => {
                 at += 1;

@@ -268,3 +268,34 @@ fn a_glimpsed_double_is_no_rival() {
     let aside = thing(2, "coffee table", [2.0, 0.0, 0.23], [0.5, 0.72, 0.44]).seen(3);
     assert_status(&ground(&map_of([table(), aside]), "the coffee table"), ambiguous, "elsewhere");
 }
+
+/// Where the thing that is meant is known to be there, people tell of it in clauses of any order.
+#[test]
+fn the_thing_that_is_meant_may_come_late() {
+    let known = Grounder::new(GroundConfig::referring(), Arc::new(Knowledge::embedded().unwrap())).unwrap();
+    let map = map_of(vec![
+        thing(1, "bookshelf", [0.0, 2.0, 0.8], [0.8, 0.3, 1.6]),
+        thing(2, "door", [-2.0, 2.0, 1.0], [0.8, 0.1, 2.0]),
+        thing(3, "door", [2.0, 2.0, 1.0], [0.8, 0.1, 2.0]),
+        thing(4, "table", [0.0, -1.0, 0.4], [1.2, 0.8, 0.8]),
+        thing(5, "cup", [0.2, -1.0, 0.85], [0.08, 0.08, 0.1]),
+        thing(6, "office chair", [0.0, -2.0, 0.5], [0.6, 0.6, 1.0]),
+        thing(7, "oven", [-2.0, -2.0, 0.5], [0.6, 0.6, 0.9]),
+        thing(8, "sink", [-1.2, 2.0, 0.8], [0.4, 0.4, 0.2]),
+        thing(9, "computer tower", [2.0, -2.0, 0.3], [0.2, 0.4, 0.5]),
+    ]);
+    for (text, id) in [
+        ("There is a bookshelf between two doors. It is the door closest to the sink.", 2),
+        ("There is a cup on this table.", 4),
+        ("The glass and wood table that is against a wall.", 4),
+        ("The door slightly open next to the sink.", 2),
+        ("this is a black, wheeled office chair. it is set in front of the table.", 6),
+        ("In front of the table is an office chair. it has wheels.", 6),
+        ("the highlighted object is the office chair next to the table", 6),
+        ("the tower on the floor", 9),
+        ("the bokshelf between the doors", 1),
+    ] {
+        let answer = known.ground(&map, text, None);
+        assert_eq!(answer.object_id, Some(ObjectId(id)), "{text}: {:#?}", answer.query);
+    }
+}
