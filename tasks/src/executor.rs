@@ -4,14 +4,14 @@ use crate::agent::{Agent, Halt};
 use crate::episode::{SkillName, Step};
 use crate::skills::Outcome;
 use crate::skills::drive::{Drive, DriveOutcome};
-use crate::skills::explore::{Explorer, Interest};
+use crate::skills::explore::{ExploreOutcome, Explorer, Interest};
 use crate::skills::grasp::{GraspSettings, grasp};
 use crate::skills::held::{Held, Standing, carry, carrying};
-use crate::skills::navigate::{navigate_to_object, navigate_to_room};
+use crate::skills::navigate::{navigate_to_object, navigate_to_room, way_to};
 use crate::skills::place::place;
 use crate::skills::search::{Thoroughness, search};
-use crate::summary::{Failure, Stage, StepOutcome, StepSummary};
-use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, parse_command};
+use crate::summary::{EXPLORE, Failure, Stage, StepOutcome, StepSummary};
+use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, RelationWord, parse_command};
 use dsm::knowledge::Knowledge;
 use dsm::map::ObjectId;
 use dsm::time::{Span, Stamp};
@@ -69,20 +69,11 @@ impl Executor {
             let start = agent.now();
             let command = words_of(step);
             if account.failure.is_some() {
-                account.steps.push(StepSummary {
-                    index,
-                    command,
-                    skill: String::new(),
-                    outcome: StepOutcome::Skipped,
-                    reason: "an earlier step failed".into(),
-                    start_s: start.as_s(),
-                    duration_s: 0.0,
-                    grounding: None,
-                });
+                account.steps.push(StepSummary::skipped(index, command, start.as_s()));
                 continue;
             }
             agent.journal.note(start.as_s(), format!("step {index}: {command}"), None);
-            let done = self.step(agent, step).unwrap_or_else(|halt| {
+            let done = self.step(agent, step, steps.len() - 1 - index).unwrap_or_else(|halt| {
                 let (stage, reason) = reason_of(&halt);
                 account.halt = Some(halt);
                 Done { outcome: StepOutcome::Failed, reason, skill: "", grounding: None, stage: Some(stage) }
@@ -93,20 +84,19 @@ impl Executor {
                 account.failure = Some(Failure { step: index, stage, reason: done.reason.clone() });
             }
             account.steps.push(StepSummary {
-                index,
-                command,
                 skill: done.skill.into(),
                 outcome: done.outcome,
                 reason: done.reason,
-                start_s: start.as_s(),
                 duration_s: (end - start).as_s(),
                 grounding: done.grounding,
+                ..StepSummary::skipped(index, command, start.as_s())
             });
         }
         account
     }
 
-    fn step(&mut self, agent: &mut Agent, step: &Step) -> Result<Done, Halt> {
+    /// One step, after which so many others follow.
+    fn step(&mut self, agent: &mut Agent, step: &Step, others: usize) -> Result<Done, Halt> {
         let command = match (&step.command, step.skill) {
             (Some(text), _) => match parse_command(text, &self.knowledge) {
                 Ok(command) => command,
@@ -126,10 +116,10 @@ impl Executor {
         };
         match command.action {
             Action::Explore => {
-                let end = agent.deadline();
+                let end = Stamp(agent.deadline().0 - others as i64 * TIME_TO_ACT.0);
                 let outcome =
                     self.explorer.run(agent, end, Interest { enough: &mut |_| false, inspect: &|_| Vec::new() })?;
-                Ok(done("explore", format!("exploration ends: {outcome:?}"), None))
+                Ok(done(EXPLORE, format!("exploration ends: {outcome:?}"), None))
             }
             Action::Place | Action::Bring => self.fetch_and_place(agent, &command),
             Action::Navigate | Action::Grasp | Action::Find => self.act(agent, &command),
@@ -149,7 +139,7 @@ impl Executor {
         let outcome = match (command.action, grounding.object_id, grounding.room_id) {
             (Action::Grasp, Some(id), _) => return self.grasp(agent, command, grounding, id),
             (Action::Grasp, None, _) => Outcome::Failed(Stage::Grounding, "a room cannot be grasped".into()),
-            (Action::Navigate, Some(id), _) => navigate_to_object(agent, &self.nav, id, command.region)?,
+            (Action::Navigate, Some(id), _) => self.go_to(agent, id, command.region)?,
             (Action::Navigate, None, Some(room)) => navigate_to_room(agent, &self.nav, room)?,
             _ => Outcome::Done("found".into()),
         };
@@ -184,6 +174,20 @@ impl Executor {
         })
     }
 
+    /// Drives to an object; while no place before it can be reached, the floor on the way to it is still to be seen.
+    fn go_to(&mut self, agent: &mut Agent, id: ObjectId, side: Option<RelationWord>) -> Result<Outcome, Halt> {
+        let outcome = navigate_to_object(agent, &self.nav, id, side)?;
+        let Outcome::Failed(Stage::Planning, reason) = &outcome else { return Ok(outcome) };
+        agent.note(format!("explores on: {reason}"));
+        let end = Stamp(agent.deadline().0 - TIME_TO_ACT.0);
+        let mut opens = way_to(&self.nav, id, Pose2::from_pose(&agent.world_from_base()?).position);
+        let interest = Interest { enough: &mut opens, inspect: &|_| Vec::new() };
+        match self.explorer.run(agent, end, interest)? {
+            ExploreOutcome::Enough => navigate_to_object(agent, &self.nav, id, side),
+            ExploreOutcome::Complete | ExploreOutcome::TimeUp => Ok(outcome),
+        }
+    }
+
     /// Grasps; when no place to grasp from is known, looks at the object from near, and then explores the rest of the
     /// flat and reads the words again.
     fn grasp(
@@ -195,7 +199,7 @@ impl Executor {
     ) -> Result<Done, Halt> {
         let mut outcome = self.grasp_and_weigh(agent, id)?;
         if matches!(outcome, Outcome::Failed(Stage::Planning, _))
-            && matches!(navigate_to_object(agent, &self.nav, id, None)?, Outcome::Done(_))
+            && matches!(self.go_to(agent, id, None)?, Outcome::Done(_))
         {
             // From near, the floor before it and what stands around it are known better.
             outcome = self.grasp_and_weigh(agent, id)?;

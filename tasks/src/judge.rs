@@ -7,8 +7,9 @@ use crate::summary::{
     TruthSummary,
 };
 use dsm::eval::{TrueJoint, TrueObject, TrueWorld, Truth};
+use crate::ways::{Goal, Track, contains, distance_m, find_shortest_m};
 use dsm::map::Map;
-use dsm_robot::nav::{Costmap, CostmapConfig, find_path};
+use dsm_robot::nav::{Costmap, CostmapConfig};
 use nalgebra::{Isometry3, Point2};
 use std::collections::BTreeMap;
 
@@ -36,7 +37,7 @@ pub struct Judge {
     robot_radius_m: f64,
     first: Option<Truth>,
     last: Option<Truth>,
-    path_length_m: f64,
+    track: Track,
     limit_violations: u32,
     /// The first of them.
     violations: Vec<LimitViolation>,
@@ -65,7 +66,7 @@ impl Judge {
             robot_radius_m,
             first: None,
             last: None,
-            path_length_m: 0.0,
+            track: Track::default(),
             limit_violations: 0,
             violations: Vec::new(),
             min_clearance_m: None,
@@ -86,10 +87,7 @@ impl Judge {
     /// Takes in the next sample.
     pub fn observe(&mut self, truth: Truth) {
         let now_s = truth.stamp.as_s();
-        if let Some(last) = &self.last {
-            let step = truth.world_from_base.translation.vector - last.world_from_base.translation.vector;
-            self.path_length_m += step.xy().norm();
-        }
+        self.track.note(now_s, place_of(&truth));
         let first = self.first.get_or_insert_with(|| truth.clone());
         for (object, start) in truth.objects.iter().zip(&first.objects) {
             let moved_m = (object.world_from_body.translation.vector - start.world_from_body.translation.vector).norm();
@@ -260,7 +258,7 @@ impl Judge {
     }
 
     fn judge_near(&self, e: &Expectation, last: &Truth) -> ExpectationSummary {
-        let base = Point2::from(last.world_from_base.translation.vector.xy());
+        let base = place_of(last);
         if let Some(name) = &e.room {
             let inside = self.world.rooms.iter().any(|room| room.name == *name && contains(&room.polygon, &base));
             let at = self.world.rooms.iter().find(|room| contains(&room.polygon, &base)).map_or("no room", |r| &r.name);
@@ -271,9 +269,7 @@ impl Judge {
             return summary(e, false, format!("{body} is not in the scene"), String::new());
         };
         // Distance over the floor from the base's centre to the object's box.
-        let bounds = object.bounds.aabb();
-        let nearest = Point2::new(base.x.clamp(bounds.min.x, bounds.max.x), base.y.clamp(bounds.min.y, bounds.max.y));
-        let distance_m = (base - nearest).norm();
+        let distance_m = distance_m(&object.bounds.aabb(), &base);
         let seen = last.in_view.contains(&body);
         let measured = format!("{distance_m:.2} m from {body}, in view: {seen}");
         summary(e, distance_m <= e.within_m && seen, measured, format!("within {} m and in view", e.within_m))
@@ -293,25 +289,41 @@ impl Judge {
         names
     }
 
-    /// The measured figures; `success` weighs the path length.
-    pub fn metrics(&self, success: bool) -> Metrics {
+    /// Adds to the steps what the base drove in each, and to the last one what it need have driven: its end is judged.
+    pub fn measure_steps(&self, steps: &mut [StepSummary], success: bool) {
+        let until_m = |stamp_s: f64| self.track.at(stamp_s).map_or(0.0, |(_, length_m)| length_m);
+        for step in steps.iter_mut() {
+            step.path_length_m = until_m(step.start_s + step.duration_s) - until_m(step.start_s);
+        }
+        let Some(last) = steps.last_mut() else { return };
+        let begins_at = self.track.at(last.start_s).map(|(place, _)| place);
+        last.shortest_path_m = begins_at.and_then(|place| self.find_shortest_path_m(&place));
+        last.spl = last.shortest_path_m.map(|shortest_m| if success { weight(shortest_m, last.path_length_m) } else { 0.0 });
+    }
+
+    /// The measured figures; `success` weighs the path length. The steps were measured.
+    pub fn metrics(&self, steps: &[StepSummary], success: bool) -> Metrics {
         let targets = self.targets();
-        let paths = self.find_shortest_paths_m();
-        let shortest_path_m = paths.map(|(from_start, _)| from_start);
-        let weight = |l: f64| if l > 0.0 { l / l.max(self.path_length_m) } else { 1.0 };
-        let spl = shortest_path_m.map(|l| if success { weight(l) } else { 0.0 });
-        let soft_spl = paths.map(|(l, from_end)| {
+        let path_length_m = self.track.length_m();
+        let from = |truth: &Option<Truth>| self.find_shortest_path_m(&place_of(truth.as_ref()?));
+        let shortest_path_m = from(&self.first);
+        let spl = shortest_path_m.map(|l| if success { weight(l, path_length_m) } else { 0.0 });
+        let soft_spl = shortest_path_m.map(|l| {
             // An end from which there is no way is no nearer; success is all of the way by definition.
-            let left = if success { 0.0 } else { from_end.unwrap_or(l) / l.max(1e-6) };
-            (1.0 - left).max(0.0) * weight(l)
+            let left = if success { 0.0 } else { from(&self.last).unwrap_or(l) / l.max(1e-6) };
+            (1.0 - left).max(0.0) * weight(l, path_length_m)
         });
+        let known_map_spl = steps
+            .split_last()
+            .and_then(|(last, earlier)| last.spl.filter(|_| earlier.iter().any(StepSummary::explores)));
         let is_target = |body: &str| targets.contains(&body);
         Metrics {
             sim_time_s: self.last.as_ref().map_or(0.0, |t| t.stamp.as_s()),
-            path_length_m: self.path_length_m,
+            path_length_m,
             shortest_path_m,
             spl,
             soft_spl,
+            known_map_spl,
             collisions: self
                 .contacts()
                 .iter()
@@ -328,40 +340,24 @@ impl Judge {
         }
     }
 
-    /// Lengths of the shortest paths to the target from where the robot began and from where it is at the end, metres.
-    fn find_shortest_paths_m(&self) -> Option<(f64, Option<f64>)> {
-        let (first, last) = (self.first.as_ref()?, self.last.as_ref()?);
-        let goals = self.find_goals(first)?;
+    /// Length of the shortest path from a place to the target, metres.
+    fn find_shortest_path_m(&self, from: &Point2<f64>) -> Option<f64> {
+        let goal = self.find_goal(self.first.as_ref()?)?;
         let config = CostmapConfig { footprint_radius_m: self.robot_radius_m, ..CostmapConfig::default() };
-        let costmap = Costmap::from_free_space(&self.world.free_space, &config);
-        let from = |truth: &Truth| {
-            let start = Point2::from(truth.world_from_base.translation.vector.xy());
-            let paths = goals.iter().filter_map(|goal| find_path(&costmap, &start, goal).ok());
-            paths.map(|path| path.length_m).min_by(f64::total_cmp)
-        };
-        Some((from(first)?, from(last)))
+        find_shortest_m(&Costmap::from_free_space(&self.world.free_space, &config), from, &goal)
     }
 
-    /// Places that count as arriving: within a metre of the object, or in the room.
-    fn find_goals(&self, first: &Truth) -> Option<Vec<Point2<f64>>> {
-        if let Some(target) = self.expectations.iter().find_map(|e| find(first, e.object.as_deref()?)) {
-            let center = target.bounds.center.xy();
-            let around = (0..16).flat_map(|i| {
-                let angle = f64::from(i) * std::f64::consts::TAU / 16.0;
-                [0.5, 0.7, 0.9].map(|r| Point2::new(center.x + r * angle.cos(), center.y + r * angle.sin()))
-            });
-            return Some(around.collect());
+    /// What counts as arriving: near the object as it stood at the start, on its side of the walls, or in the room.
+    fn find_goal(&self, first: &Truth) -> Option<Goal> {
+        if let Some((e, target)) = self.expectations.iter().find_map(|e| Some((e, find(first, e.object.as_deref()?)?))) {
+            let middle = target.bounds.center.xy();
+            let room = self.world.rooms.iter().find(|room| contains(&room.polygon, &middle));
+            let room = room.map(|room| room.polygon.clone());
+            return Some(Goal::Near { bounds: target.bounds.aabb(), within_m: e.within_m, room });
         }
         let name = self.expectations.iter().find_map(|e| e.room.as_deref())?;
-        let polygon = &self.world.rooms.iter().find(|room| room.name == name)?.polygon;
-        let reach = |axis: fn(&Point2<f64>) -> f64| {
-            polygon.iter().map(axis).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
-        };
-        let (x, y) = (reach(|p| p.x), reach(|p| p.y));
-        // A grid of seven by seven over the room: its rim is nearest, its middle is surely inside.
-        let at = |(low, high): (f64, f64), i: i32| low + (high - low) * (f64::from(i) + 0.5) / 7.0;
-        let grid = (0..49).map(|i| Point2::new(at(x, i % 7), at(y, i / 7)));
-        Some(grid.filter(|point| contains(polygon, point)).collect())
+        let room = self.world.rooms.iter().find(|room| room.name == name)?;
+        Some(Goal::Inside(room.polygon.clone()))
     }
 
     /// The truth that foreign scripts need.
@@ -403,6 +399,16 @@ fn find<'a>(truth: &'a Truth, body: &str) -> Option<&'a TrueObject> {
     truth.objects.iter().find(|o| o.body == body)
 }
 
+/// Where the base stands.
+fn place_of(truth: &Truth) -> Point2<f64> {
+    truth.world_from_base.translation.vector.xy().into()
+}
+
+/// What a path is worth against the shortest one, 0 to 1.
+fn weight(shortest_m: f64, driven_m: f64) -> f64 {
+    if shortest_m > 0.0 { shortest_m / shortest_m.max(driven_m) } else { 1.0 }
+}
+
 fn is_floor(body: &str) -> bool {
     body == "world/floor"
 }
@@ -414,15 +420,5 @@ fn touches(truth: &Truth, a: &str, b: &str) -> bool {
 fn touches_robot(truth: &Truth, body: &str) -> bool {
     truth.contacts.iter().any(|c| {
         (c.first == body && c.second.starts_with("robot/")) || (c.second == body && c.first.starts_with("robot/"))
-    })
-}
-
-/// Whether a polygon holds a point (crossing number).
-fn contains(polygon: &[Point2<f64>], p: &Point2<f64>) -> bool {
-    let n = polygon.len();
-    (0..n).fold(false, |inside, i| {
-        let (a, b) = (polygon[i], polygon[(i + 1) % n]);
-        let crosses = (a.y > p.y) != (b.y > p.y) && p.x < (b.x - a.x) * (p.y - a.y) / (b.y - a.y) + a.x;
-        inside != crosses
     })
 }

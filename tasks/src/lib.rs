@@ -31,3 +31,4 @@ pub mod settings;
 pub mod skills;
 pub mod summary;
 pub mod survey;
+pub mod ways;

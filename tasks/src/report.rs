@@ -63,7 +63,7 @@ pub fn index_page(summary: &str, lines: &[IndexLine<'_>]) -> String {
              <td>{}</td></tr>",
             of(|m| Some(format!("{:.1} s", m.sim_time_s))),
             of(|m| Some(format!("{:.1} m", m.path_length_m))),
-            of(|m| Some(format!("{:.2} SPL", m.spl?))),
+            of(|m| Some(format!("{:.2} SPL", m.known_map_spl.or(m.spl)?))),
             of(|m| Some(format!("{:.2} m free", m.min_clearance_m?))),
             of(|m| Some(format!("{} collisions", m.collisions))),
             escape(&line.why)
@@ -234,12 +234,14 @@ fn write_expectations(html: &mut String, expectations: &[ExpectationSummary]) {
 
 fn write_metrics(html: &mut String, metrics: &Metrics, timing: &Timing) {
     let length = |value: Option<f64>| value.map_or("none".to_owned(), |v| format!("{v:.2} m"));
+    let share = |value: Option<f64>| value.map_or("none".to_owned(), |v| format!("{v:.2}"));
     let rows = [
         ("Simulated time", format!("{:.1} s", metrics.sim_time_s)),
         ("Wall time", format!("{:.1} s", timing.wall_s)),
         ("Path of the base", format!("{:.2} m", metrics.path_length_m)),
         ("Shortest path", length(metrics.shortest_path_m)),
-        ("SPL", metrics.spl.map_or("none".to_owned(), |v| format!("{v:.2}"))),
+        ("SPL", share(metrics.spl)),
+        ("SPL on a finished map", share(metrics.known_map_spl)),
         ("Collisions", metrics.collisions.to_string()),
         ("Smallest clearance", length(metrics.min_clearance_m)),
         ("Limit violations", metrics.limit_violations.to_string()),

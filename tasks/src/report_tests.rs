@@ -29,14 +29,12 @@ fn finished(name: &str) -> Finished {
         query: None,
     };
     let step = StepSummary {
-        index: 0,
-        command: format!("Grasp {name}"),
         skill: "grasp".into(),
         outcome: StepOutcome::Ambiguous,
         reason: name.to_owned(),
-        start_s: 0.0,
         duration_s: 12.5,
         grounding: Some(grounding),
+        ..StepSummary::skipped(0, format!("Grasp {name}"), 0.0)
     };
     let expectation = ExpectationSummary {
         kind: "object_lifted".into(),
@@ -62,6 +60,7 @@ fn finished(name: &str) -> Finished {
             shortest_path_m: None,
             spl: None,
             soft_spl: None,
+            known_map_spl: None,
             collisions: 0,
             min_clearance_m: Some(0.12),
             limit_violations: 0,

@@ -147,14 +147,11 @@ impl Session {
         self.agent.note(format!("step {before} ends: {outcome:?}: {reason}"));
         (self.account.failure, self.account.halt) = (failure, halt);
         self.account.steps.push(StepSummary {
-            index: before,
-            command: words.into(),
             skill: name.into(),
             outcome,
             reason,
-            start_s: start.as_s(),
             duration_s: (end - start).as_s(),
-            grounding: None,
+            ..StepSummary::skipped(before, words.into(), start.as_s())
         });
         &self.account.steps[before]
     }
@@ -187,6 +184,8 @@ impl Session {
                 })
             });
         let success = failure.is_none();
+        let mut steps = account.steps;
+        judge.measure_steps(&mut steps, success);
         let summary = Summary {
             schema: SUMMARY_SCHEMA,
             episode: spec.name.clone(),
@@ -197,9 +196,9 @@ impl Session {
             seed: spec.seed,
             success,
             failure,
-            steps: account.steps,
+            metrics: judge.metrics(&steps, success),
+            steps,
             expectations,
-            metrics: judge.metrics(success),
             map: MapSummary {
                 objects: map.stable_objects().count(),
                 relations: map.relations.len(),
@@ -212,16 +211,7 @@ impl Session {
 
     fn skip(&mut self, words: &str) {
         let start_s = self.agent.now().as_s();
-        self.account.steps.push(StepSummary {
-            index: self.account.steps.len(),
-            command: words.into(),
-            skill: String::new(),
-            outcome: StepOutcome::Skipped,
-            reason: "an earlier step failed".into(),
-            start_s,
-            duration_s: 0.0,
-            grounding: None,
-        });
+        self.account.steps.push(StepSummary::skipped(self.account.steps.len(), words.into(), start_s));
     }
 }
 
@@ -263,14 +253,11 @@ mod tests {
     #[test]
     fn only_an_expected_refusal_is_a_success() {
         let step = StepSummary {
-            index: 0,
-            command: "Grasp the unicorn".into(),
             skill: "grasp".into(),
             outcome: StepOutcome::Absent,
             reason: "nothing is named so".into(),
-            start_s: 0.0,
             duration_s: 1.0,
-            grounding: None,
+            ..StepSummary::skipped(0, "Grasp the unicorn".into(), 0.0)
         };
         let failure = find_refusal(&[], std::slice::from_ref(&step)).unwrap();
         assert_eq!((failure.step, failure.stage), (0, Stage::Grounding));

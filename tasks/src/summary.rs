@@ -83,6 +83,42 @@ pub struct StepSummary {
     pub duration_s: f64,
     /// What the words were grounded to.
     pub grounding: Option<Grounding>,
+    /// Path of the base during the step, from ground truth, metres.
+    #[serde(default)]
+    pub path_length_m: f64,
+    /// Shortest path from where the last step began to the target, metres; null for other steps, and without a path.
+    #[serde(default)]
+    pub shortest_path_m: Option<f64>,
+    /// Success weighted by the path length of this step alone; null without a shortest path.
+    #[serde(default)]
+    pub spl: Option<f64>,
+}
+
+/// The skill that sees all that can be reached, as a step names it.
+pub const EXPLORE: &str = "explore";
+
+impl StepSummary {
+    /// A step that was never begun.
+    pub fn skipped(index: usize, command: String, stamp_s: f64) -> Self {
+        Self {
+            index,
+            command,
+            skill: String::new(),
+            outcome: StepOutcome::Skipped,
+            reason: "an earlier step failed".into(),
+            start_s: stamp_s,
+            duration_s: 0.0,
+            grounding: None,
+            path_length_m: 0.0,
+            shortest_path_m: None,
+            spl: None,
+        }
+    }
+
+    /// Whether the step was there to see all that can be reached, however it ended.
+    pub fn explores(&self) -> bool {
+        self.skill == EXPLORE || self.command == EXPLORE
+    }
 }
 
 /// One judged expectation.
@@ -112,6 +148,10 @@ pub struct Metrics {
     /// Share of the shortest path that was gone at the end, weighted by path length like `spl`; null without one.
     #[serde(default)]
     pub soft_spl: Option<f64>,
+    /// The same as `spl` for the last step alone, from where it began, when a step before it explored: what driving on a
+    /// finished map is worth. Null in other episodes.
+    #[serde(default)]
+    pub known_map_spl: Option<f64>,
     /// Contacts of the robot, other than gripper with target, that began above 0.1 m/s.
     pub collisions: u32,
     /// Smallest distance between the robot's base and the world, metres.

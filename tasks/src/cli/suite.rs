@@ -38,7 +38,9 @@ pub struct SuiteArgs {
     /// Seeds A..B (B excluded); the seed of each episode file when left out.
     #[arg(long, value_name = "A..B", value_parser = parse_seeds, conflicts_with = "generate")]
     seeds: Option<(u64, u64)>,
-    /// N episodes in generated homes instead of files, four to a home; home k is made from the seed `--seed` + k.
+    /// N episodes in generated homes instead of files, four to a home; home k is made from the seed `--seed` + k. They
+    /// begin in an unknown home, but for every other one that only drives: there an `explore` step comes first, and the
+    /// drive is weighed from where that ends (`metrics.known_map_spl`, `totals.known_map_spl`).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     generate: Option<u32>,
     /// Episodes that run side by side; never changes a result.

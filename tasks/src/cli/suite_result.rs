@@ -61,10 +61,15 @@ pub(super) struct Totals {
     by_skill: BTreeMap<String, Share>,
     /// Episodes by the stage in which they failed.
     failed_stages: BTreeMap<String, Share>,
-    /// Mean of success weighted by path length, over the episodes that have a shortest path.
+    /// Mean of success weighted by path length, over the episodes that have a shortest path and begin with no map: those
+    /// that explore first are in `known_map_spl`.
     spl: Option<f64>,
-    /// Mean of the share of the way that was gone, weighted alike.
+    /// Mean of the share of the way that was gone, weighted alike, over the same episodes.
     soft_spl: Option<f64>,
+    /// Mean of the last step's success weighted by its path length, over the episodes that explore first.
+    known_map_spl: Option<f64>,
+    /// Successes among the episodes that explore first.
+    with_known_map: Share,
     /// Collisions over all episodes.
     collisions: u32,
     /// Episodes with a collision.
@@ -122,6 +127,10 @@ impl SuiteEpisode {
             metrics: None,
             skill: None,
         }
+    }
+
+    fn known_map_spl(&self) -> Option<f64> {
+        self.metrics.as_ref()?.known_map_spl
     }
 
     fn sim_time_s(&self) -> f64 {
@@ -194,7 +203,10 @@ impl Suite {
             let _ = writeln!(text, "failed in {stage:<12} {}", describe(share));
         }
         let figure = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.3}"));
-        let _ = writeln!(text, "SPL {}, soft SPL {}", figure(t.spl), figure(t.soft_spl));
+        let _ = writeln!(text, "SPL {}, soft SPL {} where nothing was known", figure(t.spl), figure(t.soft_spl));
+        if t.with_known_map.of > 0 {
+            let _ = writeln!(text, "SPL {} on a finished map, {}", figure(t.known_map_spl), describe(&t.with_known_map));
+        }
         let _ = writeln!(text, "collisions {}, in {}", t.collisions, describe(&t.with_collision));
         let _ =
             writeln!(text, "limit violations {}, least clearance {} m", t.limit_violations, figure(t.min_clearance_m));
@@ -294,8 +306,13 @@ fn totals(episodes: &[SuiteEpisode]) -> Totals {
         success_interval: all.interval,
         by_skill: by_skill.into_iter().map(|(skill, (good, of))| (skill, share(good, of))).collect(),
         failed_stages: failed_stages.into_iter().map(|(stage, count)| (stage, share(count, n))).collect(),
-        spl: mean(metrics().filter_map(|m| m.spl).collect()),
-        soft_spl: mean(metrics().filter_map(|m| m.soft_spl).collect()),
+        spl: mean(metrics().filter(|m| m.known_map_spl.is_none()).filter_map(|m| m.spl).collect()),
+        soft_spl: mean(metrics().filter(|m| m.known_map_spl.is_none()).filter_map(|m| m.soft_spl).collect()),
+        known_map_spl: mean(metrics().filter_map(|m| m.known_map_spl).collect()),
+        with_known_map: share(
+            episodes.iter().filter(|e| e.success && e.known_map_spl().is_some()).count(),
+            episodes.iter().filter(|e| e.known_map_spl().is_some()).count(),
+        ),
         collisions: metrics().map(|m| m.collisions).sum(),
         with_collision: share(metrics().filter(|m| m.collisions > 0).count(), n),
         limit_violations: metrics().map(|m| m.limit_violations).sum(),
@@ -336,6 +353,7 @@ mod tests {
             shortest_path_m: spl.map(|_| 1.0),
             spl,
             soft_spl: spl,
+            known_map_spl: None,
             collisions: u32::from(stage.is_some()),
             min_clearance_m: Some(0.1),
             limit_violations: 0,
@@ -369,6 +387,15 @@ mod tests {
         assert_eq!((t.by_skill["grasp"].count, t.by_skill["grasp"].of), (1, 2));
         assert_eq!((t.spl, t.with_displacement.count), (Some(0.25), 2));
         assert!(!suite.all_succeed() && suite.table().contains("failed in hold"));
+    }
+
+    #[test]
+    fn what_explores_first_is_weighed_by_its_last_step_alone() {
+        let mut explored = line("b", None, Some(0.05));
+        explored.metrics.as_mut().unwrap().known_map_spl = Some(0.9);
+        let t = Suite::new(vec![line("a", None, Some(0.5)), explored]).totals;
+        assert_eq!((t.spl, t.soft_spl, t.known_map_spl), (Some(0.5), Some(0.5), Some(0.9)));
+        assert_eq!((t.with_known_map.count, t.with_known_map.of), (1, 1));
     }
 
     #[test]

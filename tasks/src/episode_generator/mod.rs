@@ -20,6 +20,8 @@ use words::find_names;
 const TIME_LIMIT_S: f64 = 360.0;
 /// The same when a thing is to be carried to another place.
 const CARRY_LIMIT_S: f64 = 480.0;
+/// The same when the home is explored first: all of it, and time for the way after that.
+const EXPLORED_LIMIT_S: f64 = 900.0;
 /// How often a thing with at least two others of its class is chosen before one without.
 const DISTRACTED_SHARE: f64 = 0.6;
 /// A surface on which a thing is to be put holds at most this many things already.
@@ -60,12 +62,21 @@ pub fn write_episodes(
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6570_6973_6f64_6573);
     let mut used: Vec<String> = Vec::new();
     let mut episodes = Vec::new();
+    // Every other drive is to be made on a finished map, and a home has one with each when it has two.
+    let mut explored = seed % 2 == 1;
     // A kind that a home cannot offer is skipped; a second round makes up for it with the others.
     for kind in KINDS.iter().cycle().take(KINDS.len() * (count / KINDS.len() + 2)) {
         if episodes.len() == count {
             break;
         }
-        let Some(task) = find_task(*kind, &home, knowledge, &mut used, &mut rng) else { continue };
+        let Some(mut task) = find_task(*kind, &home, knowledge, &mut used, &mut rng) else { continue };
+        if matches!(kind, Kind::Navigate | Kind::Room) {
+            explored = !explored;
+            if explored {
+                task.explores_first = true;
+                task.time_limit_s = EXPLORED_LIMIT_S;
+            }
+        }
         let number = episodes.len() + 1;
         episodes.push(GeneratedEpisode {
             name: format!("{}_{number}_{}", semantics.name, task.kind),
@@ -82,14 +93,16 @@ struct Task {
     command: String,
     expect: String,
     time_limit_s: f64,
+    explores_first: bool,
 }
 
 impl Task {
     fn write(&self, scene: &str, seed: u64) -> String {
         let mut text = format!("# Generated for {scene}. {}\nversion = {EPISODE_VERSION}\n", self.why);
+        let explore = if self.explores_first { "[[step]]\nskill = \"explore\"\n\n" } else { "" };
         let _ = write!(
             text,
-            "scene = \"../scene.xml\"\nrobot = \"porter\"\nseed = {seed}\ntime_limit_s = {}\n\n[[step]]\ncommand = \"{}\"\n\n\
+            "scene = \"../scene.xml\"\nrobot = \"porter\"\nseed = {seed}\ntime_limit_s = {}\n\n{explore}[[step]]\ncommand = \"{}\"\n\n\
              [[expect]]\n{}\n",
             self.time_limit_s, self.command, self.expect
         );
@@ -115,6 +128,7 @@ fn find_task(
                 command: format!("Go to the {room}"),
                 expect: format!("kind = \"robot_near\"\nroom = \"{room}\""),
                 time_limit_s: TIME_LIMIT_S,
+                explores_first: false,
             })
         }
         Kind::Navigate => {
@@ -127,6 +141,7 @@ fn find_task(
                 command: format!("{verb} the {name}"),
                 expect: format!("kind = \"robot_near\"\nobject = \"{body}\""),
                 time_limit_s: TIME_LIMIT_S,
+                explores_first: false,
             })
         }
         Kind::Grasp => {
@@ -138,6 +153,7 @@ fn find_task(
                 command: format!("{verb} the {name}"),
                 expect: format!("kind = \"object_lifted\"\nobject = \"{body}\""),
                 time_limit_s: TIME_LIMIT_S,
+                explores_first: false,
             })
         }
         Kind::Place => {
@@ -154,6 +170,7 @@ fn find_task(
                 command,
                 expect: format!("kind = \"object_on\"\nobject = \"{body}\"\nsurface = \"{surface}\""),
                 time_limit_s: CARRY_LIMIT_S,
+                explores_first: false,
             })
         }
     }

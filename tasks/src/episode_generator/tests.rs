@@ -1,6 +1,6 @@
 //! Contract: generated episodes are valid, name bodies that are there, and their words mean one thing only.
 use super::*;
-use crate::episode::{Episode, ExpectationKind};
+use crate::episode::{Episode, ExpectationKind, SkillName};
 use dsm::ground::parse_command;
 use dsm_sim::scene::{HomeConfig, generate_home};
 use std::path::Path;
@@ -23,6 +23,7 @@ fn load_home(seed: u64) -> (tempfile::TempDir, SceneModel, Semantics) {
 fn episodes_are_valid_and_name_what_is_there() {
     let knowledge = Knowledge::embedded().unwrap();
     let mut kinds = Vec::new();
+    let (mut drives, mut explored) = (0, 0);
     for seed in 20..26 {
         let (folder, model, semantics) = load_home(seed);
         let episodes = write_episodes(&model, &semantics, &knowledge, seed, 8);
@@ -34,7 +35,7 @@ fn episodes_are_valid_and_name_what_is_there() {
             let path = folder.path().join(format!("{}.toml", generated.name));
             std::fs::write(&path, &generated.text).unwrap();
             let episode = Episode::load(&path).unwrap_or_else(|error| panic!("{error}\n{}", generated.text));
-            let command = episode.steps[0].command.clone().unwrap();
+            let command = episode.steps.last().unwrap().command.clone().unwrap();
             parse_command(&command, &knowledge).unwrap_or_else(|error| panic!("{command}: {error}"));
             let expect = &episode.expectations[0];
             let find = |body: &Option<String>| home.objects.iter().find(|o| Some(&o.body) == body.as_ref());
@@ -42,6 +43,13 @@ fn episodes_are_valid_and_name_what_is_there() {
                 ExpectationKind::RobotNear if expect.room.is_some() => {}
                 ExpectationKind::RobotNear => assert!(find(&expect.object).is_some_and(|o| o.stands)),
                 _ => assert!(find(&expect.object).is_some_and(|o| o.graspable && o.support.is_some()), "{command}"),
+            }
+            let explores = episode.steps[0].skill == Some(SkillName::Explore);
+            assert_eq!(episode.steps.len(), 1 + usize::from(explores));
+            if expect.kind == ExpectationKind::RobotNear {
+                (drives, explored) = (drives + 1, explored + usize::from(explores));
+            } else {
+                assert!(!explores, "what is not known is explored when it is asked for: {command}");
             }
             if expect.kind == ExpectationKind::ObjectOn {
                 assert!(find(&expect.surface).is_some_and(|o| o.is_surface), "{command}");
@@ -53,6 +61,7 @@ fn episodes_are_valid_and_name_what_is_there() {
         commands.dedup();
         assert_eq!(commands.len(), 8, "no command twice in one home");
     }
+    assert!(explored.abs_diff(drives - explored) <= 3, "{explored} of {drives} drives are on a finished map");
     for kind in [ExpectationKind::RobotNear, ExpectationKind::ObjectLifted, ExpectationKind::ObjectOn] {
         assert!(kinds.iter().filter(|k| **k == kind).count() >= 6, "{kind:?}");
     }

@@ -1,7 +1,7 @@
 //! Where to unfold the arm before a grasp: the sweep from the fold to the ready posture takes room that a place before a
 //! shelf does not have, so the arm unfolds a step back and the base drives the last step with the arm ready.
 
-use super::arm::{ArmOutcome, move_through};
+use super::arm::{ArmOutcome, NEAR_ENOUGH_RAD, move_joints_around, move_through};
 use super::drive::{Drive, DriveOutcome};
 use super::obstacles::find_obstacles;
 use crate::agent::{Agent, Gaze, Halt};
@@ -62,8 +62,16 @@ pub(super) fn come_to(
     }
     agent.gaze = Gaze::Point(*look_at);
     let obstacles = obstacles(agent)?;
-    if let ArmOutcome::Stuck { error_m, .. } = move_through(agent, &approach.postures, &obstacles)? {
-        return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
+    let mut unfolded = move_through(agent, &approach.postures, &obstacles)?;
+    if let (ArmOutcome::Stuck { .. }, Some(ready)) = (unfolded, approach.postures.last()) {
+        // The postures on the way were made for an empty hand.
+        unfolded = move_joints_around(agent, ready, &obstacles)?;
+    }
+    match unfolded {
+        ArmOutcome::Stuck { error_m, .. } if error_m > NEAR_ENOUGH_RAD => {
+            return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
+        }
+        _ => {}
     }
     if approach.step_m() > 0.01 {
         let mut slow = nav.clone();

@@ -16,7 +16,7 @@ use dsm_robot::model::collision::Obstacle;
 /// A motion that has not come nearer to its goal for this long is stuck.
 pub const STUCK_AFTER: Span = Span(800_000_000);
 /// Greatest joint error at the end of a path that still counts as its end, radians or metres.
-const NEAR_ENOUGH_RAD: f64 = 0.4;
+pub(super) const NEAR_ENOUGH_RAD: f64 = 0.4;
 /// Greatest joint error with which a posture on the way counts as passed, radians or metres.
 const PASSED_RAD: f64 = 0.12;
 /// Distances from obstacles of a planned way, the best first, metres.

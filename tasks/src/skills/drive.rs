@@ -1,7 +1,7 @@
 //! Driving to a pose: plan, follow, plan again while driving.
 
 use crate::agent::{Agent, Halt};
-use dsm::map::{CellState, FreeSpace, Map};
+use dsm::map::{CellState, FreeSpace, Map, MapObject};
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
@@ -160,6 +160,7 @@ impl<'a> Drive<'a> {
         Ok(move || {
             let mut floor = map.free_space.clone();
             add_unmapped(&mut floor, &live);
+            add_low_things(&mut floor, &map);
             for place in &touched {
                 floor.set(floor.cell_at(place), CellState::Occupied);
             }
@@ -182,6 +183,25 @@ fn add_unmapped(floor: &mut FreeSpace, live: &LiveObstacles) {
     });
     for cell in unmapped {
         floor.set(cell, CellState::Occupied);
+    }
+}
+
+/// Adds small things that lie on the floor: what is lower than the floor grid's obstacles is run over all the same.
+fn add_low_things(floor: &mut FreeSpace, map: &Map) {
+    /// What stands higher is in the grid, metres.
+    const HIGHEST_M: f64 = 0.12;
+    /// Lower than this are rugs and noise, metres.
+    const LOWEST_M: f64 = 0.02;
+    /// What is wider is no thing that somebody dropped, metres.
+    const WIDEST_M: f64 = 0.4;
+    let lies = |object: &&MapObject| {
+        let (size, top_m) = (object.bounds.size, object.bounds.top_m());
+        (LOWEST_M..HIGHEST_M).contains(&top_m) && size.x.max(size.y) < WIDEST_M
+    };
+    for object in map.stable_objects().filter(lies) {
+        for point in &object.points {
+            floor.set(floor.cell_at(&point.position.cast::<f64>().xy()), CellState::Occupied);
+        }
     }
 }
 

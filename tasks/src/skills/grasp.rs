@@ -32,7 +32,8 @@ pub struct GraspSettings {
     pub placement: PlacementConfig,
     /// Attempts before the skill gives up. Default 4.
     pub max_attempts: usize,
-    /// Grip force, newtons. Default 25.
+    /// Grip force, newtons: most of the 40 that the hand has, because what is held off its middle turns between the
+    /// fingers when their friction gives way. Default 36.
     pub grip_force_n: f64,
     /// Speed of free motions of the tool, metres per second. Default 0.3.
     pub free_speed_m_per_s: f64,
@@ -50,7 +51,7 @@ impl Default for GraspSettings {
             planner: GraspConfig::default(),
             placement: PlacementConfig::default(),
             max_attempts: 4,
-            grip_force_n: 25.0,
+            grip_force_n: 36.0,
             free_speed_m_per_s: 0.3,
             approach_speed_m_per_s: 0.1,
             step_speed_m_per_s: 0.2,

@@ -5,10 +5,11 @@ use super::drive::{Drive, DriveOutcome};
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
 use dsm::ground::RelationWord;
-use dsm::map::{ObjectId, RoomId};
-use dsm::time::Span;
+use dsm::map::{Map, ObjectId, RoomId};
+use dsm::time::{Span, Stamp};
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2, StandPose, find_room_pose, find_view_poses};
 use nalgebra::{Point2, Vector2};
+use std::sync::Arc;
 
 /// So many standing places are tried.
 const MAX_PLACES: usize = 4;
@@ -85,6 +86,23 @@ pub fn navigate_to_object(
         true => Outcome::Done(format!("stands before object {}, which is hidden from here", id.0)),
         false => Outcome::Failed(Stage::Planning, format!("{} places were tried and none was reached", tried.len())),
     })
+}
+
+/// Says of each new map, at most once a second, whether a place from which the object is seen can be reached from `start`.
+pub fn way_to(nav: &NavConfig, id: ObjectId, start: Point2<f64>) -> impl FnMut(&Arc<Map>) -> bool + use<> {
+    const EVERY: Span = Span(1_000_000_000);
+    let nav = nav.clone();
+    let mut asked_at: Option<Stamp> = None;
+    move |map| {
+        if asked_at.is_some_and(|at| map.stamp - at < EVERY) {
+            return false;
+        }
+        asked_at = Some(map.stamp);
+        let Some(object) = map.find_object(id) else { return false };
+        let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
+        let field = Field::from_start(&costmap, &start);
+        !find_view_poses(map, &costmap, &field, &object.bounds, &nav.goal).is_empty()
+    }
 }
 
 /// Whether the newest head frame shows enough of the object's points where the map has them.
