@@ -55,7 +55,7 @@ pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> R
         })
         .collect();
     let radius_m = model.settings.base.footprint_radius_m;
-    let judge = Judge::new(truth, spec.episode.expectations.clone(), bounds, radius_m);
+    let judge = Judge::new(truth, spec.episode.expectations.clone(), bounds, radius_m, hand_of(&model));
     let parts = world.into_parts();
     let robot: Box<dyn Robot> = Box::new(Limited::new(parts.robot, &model));
     let detector: Box<dyn Detector> =
@@ -159,4 +159,15 @@ pub fn knowledge() -> Result<Arc<Knowledge>, TaskError> {
 pub fn grounder() -> Result<Arc<Grounder>, TaskError> {
     let grounder = Grounder::new(GroundConfig::default(), knowledge()?);
     grounder.map(Arc::new).map_err(|e| TaskError::Internal(e.to_string()))
+}
+
+/// Names of the links of the hand: the fingers, and the palm that carries them.
+fn hand_of(model: &RobotModel) -> Vec<String> {
+    let fingers = &model.settings.gripper.finger_links;
+    let joints = &model.kinematics.joints;
+    let of_finger = |finger: &String| joints.iter().find(|joint| model.kinematics.links[joint.child.0].name == *finger);
+    let palms = fingers.iter().filter_map(of_finger).map(|joint| model.kinematics.links[joint.parent.0].name.clone());
+    let mut hand: Vec<String> = fingers.iter().cloned().chain(palms).collect();
+    hand.dedup();
+    hand
 }

@@ -204,10 +204,18 @@ impl Executor {
             // From near, the floor before it and what stands around it are known better.
             outcome = self.grasp_and_weigh(agent, id)?;
         }
-        let (outcome, grounding) = match outcome {
+        let thoroughness = match &outcome {
             Outcome::Failed(Stage::Planning, reason) => {
                 agent.note(format!("explores on, because the grasp failed: {reason}"));
-                let grounding = match self.find(agent, "grasp", &command.target, Thoroughness::Everything)? {
+                Some(Thoroughness::Everything)
+            }
+            // The map knows it as another object by now.
+            Outcome::Failed(Stage::Mapping, _) => Some(Thoroughness::Enough),
+            _ => None,
+        };
+        let (outcome, grounding) = match thoroughness {
+            Some(thoroughness) => {
+                let grounding = match self.find(agent, "grasp", &command.target, thoroughness)? {
                     Ok(grounding) => grounding,
                     Err(refused) => return Ok(*refused),
                 };
@@ -216,7 +224,7 @@ impl Executor {
                     None => (Outcome::Failed(Stage::Grounding, "a room cannot be grasped".into()), grounding),
                 }
             }
-            outcome => (outcome, grounding),
+            None => (outcome, grounding),
         };
         Ok(settled("grasp", outcome, grounding))
     }
@@ -263,7 +271,19 @@ impl Executor {
             return Ok(failed(PLACE, Stage::Hold, "the hand holds nothing".into(), destination));
         };
         let outcome = match carry(agent, &held, &self.grasping)? {
-            Outcome::Done(_) => self.deliver(agent, &held, destination.as_ref(), start)?,
+            Outcome::Done(_) => {
+                let left =
+                    destination.as_ref().and_then(|d| d.object_id).filter(|id| agent.map().find_object(*id).is_none());
+                let again = match (left, &command.destination) {
+                    // The map knows it as another object by now.
+                    (Some(_), Some(words)) => match self.find(agent, PLACE, words, Thoroughness::Enough)? {
+                        Ok(again) => Some(again),
+                        Err(refused) => return Ok(*refused),
+                    },
+                    _ => None,
+                };
+                self.deliver(agent, &held, again.as_ref().or(destination.as_ref()), start)?
+            }
             failure => failure,
         };
         Ok(match (outcome, grounding.or(destination)) {

@@ -6,12 +6,12 @@ use crate::summary::{
     ContactSummary, ExpectationSummary, LimitViolation, Metrics, PoseSummary, Stage, StepOutcome, StepSummary,
     TruthSummary,
 };
-use dsm::eval::{TrueJoint, TrueObject, TrueWorld, Truth};
 use crate::ways::{Goal, Track, contains, distance_m, find_shortest_m};
+use dsm::eval::{TrueJoint, TrueObject, TrueWorld, Truth};
 use dsm::map::Map;
 use dsm_robot::nav::{Costmap, CostmapConfig};
 use nalgebra::{Isometry3, Point2};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A contact that began faster than this is a collision, metres per second.
 const COLLISION_SPEED_M_PER_S: f64 = 0.1;
@@ -35,6 +35,8 @@ pub struct Judge {
     expectations: Vec<Expectation>,
     bounds: Vec<JointBounds>,
     robot_radius_m: f64,
+    /// Links of the hand: fingers and palm.
+    hand: Vec<String>,
     first: Option<Truth>,
     last: Option<Truth>,
     track: Track,
@@ -57,6 +59,7 @@ impl Judge {
         expectations: Vec<Expectation>,
         bounds: Vec<JointBounds>,
         robot_radius_m: f64,
+        hand: Vec<String>,
     ) -> Self {
         let n = expectations.len();
         Self {
@@ -64,6 +67,7 @@ impl Judge {
             expectations,
             bounds,
             robot_radius_m,
+            hand,
             first: None,
             last: None,
             track: Track::default(),
@@ -298,7 +302,8 @@ impl Judge {
         let Some(last) = steps.last_mut() else { return };
         let begins_at = self.track.at(last.start_s).map(|(place, _)| place);
         last.shortest_path_m = begins_at.and_then(|place| self.find_shortest_path_m(&place));
-        last.spl = last.shortest_path_m.map(|shortest_m| if success { weight(shortest_m, last.path_length_m) } else { 0.0 });
+        last.spl =
+            last.shortest_path_m.map(|shortest_m| if success { weight(shortest_m, last.path_length_m) } else { 0.0 });
     }
 
     /// The measured figures; `success` weighs the path length. The steps were measured.
@@ -328,8 +333,9 @@ impl Judge {
                 .contacts()
                 .iter()
                 .filter(|c| c.approach_speed_m_per_s > COLLISION_SPEED_M_PER_S)
-                .filter(|c| !(c.link.starts_with("gripper") && is_target(&c.body)))
+                .filter(|c| !(self.hand.contains(&c.link) && is_target(&c.body)))
                 .count() as u32,
+            others_touched: self.count_others_touched(),
             min_clearance_m: self.min_clearance_m,
             limit_violations: self.limit_violations,
             non_target_displacement_max_m: self
@@ -338,6 +344,17 @@ impl Judge {
                 .filter(|(body, _)| !is_target(body))
                 .fold(0.0, |most, (_, &moved)| f64::max(most, moved)),
         }
+    }
+
+    /// Free objects that the hand touched, other than those that the expectations name.
+    fn count_others_touched(&self) -> u32 {
+        let named = |body: &str| {
+            self.expectations.iter().any(|e| [&e.object, &e.surface].map(|b| b.as_deref()).contains(&Some(body)))
+        };
+        let is_other = |body: &str| !named(body) && self.first.iter().any(|t| find(t, body).is_some_and(|o| o.free));
+        let contacts = self.contacts();
+        let touched = contacts.iter().filter(|c| self.hand.contains(&c.link)).map(|c| c.body.as_str());
+        touched.filter(|body| is_other(body)).collect::<BTreeSet<&str>>().len() as u32
     }
 
     /// Length of the shortest path from a place to the target, metres.
@@ -349,7 +366,8 @@ impl Judge {
 
     /// What counts as arriving: near the object as it stood at the start, on its side of the walls, or in the room.
     fn find_goal(&self, first: &Truth) -> Option<Goal> {
-        if let Some((e, target)) = self.expectations.iter().find_map(|e| Some((e, find(first, e.object.as_deref()?)?))) {
+        if let Some((e, target)) = self.expectations.iter().find_map(|e| Some((e, find(first, e.object.as_deref()?)?)))
+        {
             let middle = target.bounds.center.xy();
             let room = self.world.rooms.iter().find(|room| contains(&room.polygon, &middle));
             let room = room.map(|room| room.polygon.clone());

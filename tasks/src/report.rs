@@ -243,6 +243,7 @@ fn write_metrics(html: &mut String, metrics: &Metrics, timing: &Timing) {
         ("SPL", share(metrics.spl)),
         ("SPL on a finished map", share(metrics.known_map_spl)),
         ("Collisions", metrics.collisions.to_string()),
+        ("Others touched by the hand", metrics.others_touched.to_string()),
         ("Smallest clearance", length(metrics.min_clearance_m)),
         ("Limit violations", metrics.limit_violations.to_string()),
         ("Other objects moved at most", format!("{:.3} m", metrics.non_target_displacement_max_m)),

@@ -62,6 +62,7 @@ fn finished(name: &str) -> Finished {
             soft_spl: None,
             known_map_spl: None,
             collisions: 0,
+            others_touched: 0,
             min_clearance_m: Some(0.12),
             limit_violations: 0,
             non_target_displacement_max_m: 0.004,

@@ -152,8 +152,11 @@ pub struct Metrics {
     /// finished map is worth. Null in other episodes.
     #[serde(default)]
     pub known_map_spl: Option<f64>,
-    /// Contacts of the robot, other than gripper with target, that began above 0.1 m/s.
+    /// Contacts of the robot, other than hand (fingers and palm) with target, that began above 0.1 m/s.
     pub collisions: u32,
+    /// Free objects other than the expectations' own that the hand touched.
+    #[serde(default)]
+    pub others_touched: u32,
     /// Smallest distance between the robot's base and the world, metres.
     pub min_clearance_m: Option<f64>,
     /// Joint samples beyond position or velocity limits.

@@ -128,7 +128,8 @@ mod tests {
             let wall = (79..=80).contains(&x) && y < 60;
             floor.set([x, y], if rim || wall { CellState::Occupied } else { CellState::Free });
         }
-        let costmap = Costmap::from_free_space(&floor, &CostmapConfig { footprint_radius_m: 0.25, ..Default::default() });
+        let costmap =
+            Costmap::from_free_space(&floor, &CostmapConfig { footprint_radius_m: 0.25, ..Default::default() });
         let bounds = Aabb { min: Point3::new(4.2, 0.5, 0.0), max: Point3::new(4.4, 0.7, 0.5) };
         let room = [(4.0, 0.0), (8.0, 0.0), (8.0, 4.0), (4.0, 4.0)].map(|(x, y)| Point2::new(x, y)).to_vec();
         let from = Point2::new(3.5, 0.6);

@@ -35,6 +35,8 @@ pub enum Shape {
 
 /// Round things are larger than this; smaller radii come from noise on edges.
 const MIN_RADIUS_M: f64 = 0.008;
+/// A round shape wider than this times what was seen of it is a flat face taken for an arc; depth lacks at its edges.
+const WIDER_THAN_SEEN: f64 = 1.3;
 /// Nothing with a larger radius fits between the fingers; larger fits are flat walls taken for arcs.
 const MAX_RADIUS_M: f64 = 0.15;
 
@@ -49,10 +51,12 @@ impl Shape {
         let (block, block_residual) = fit_block(points, support_z_m, top)?;
         // Noise makes even a true fit leave millimetres; a round shape must not be much worse than the box.
         let mut best = (block, block_residual * 0.95);
+        let widest_m = block.widest_m();
         for (shape, residual) in
             [fit_cylinder(points, support_z_m, top), fit_sphere(points, support_z_m, top)].into_iter().flatten()
         {
-            if residual < best.1 {
+            // Half of a round thing is seen from anywhere, and so is its width.
+            if residual < best.1 && shape.widest_m() < WIDER_THAN_SEEN * widest_m {
                 best = (shape, residual);
             }
         }
@@ -63,6 +67,14 @@ impl Shape {
     pub fn center(&self) -> Point3<f64> {
         match self {
             Self::Sphere { center, .. } | Self::Cylinder { center, .. } | Self::Block { center, .. } => *center,
+        }
+    }
+
+    /// Its greater horizontal extent, metres.
+    fn widest_m(&self) -> f64 {
+        match self {
+            Self::Sphere { radius_m, .. } | Self::Cylinder { radius_m, .. } => 2.0 * radius_m,
+            Self::Block { size, .. } => size.x.max(size.y),
         }
     }
 
@@ -263,6 +275,19 @@ mod tests {
                 assert!((radius_m - 0.04).abs() < 0.007, "{radius_m}");
                 assert!((found.xy() - center.xy()).norm() < 0.01, "{found}");
             }
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_flat_face_is_no_arc() {
+        // An alarm clock on a dresser, seen from its front with a bulge in its face: a circle of 8 cm radius fits it well.
+        let bulge = |x: f64| 0.08 - (0.0064 - x * x).sqrt();
+        let face = (0..600).map(|i| (f64::from(i % 30) / 29.0 - 0.5, f64::from(i / 30) / 19.0));
+        let points: Vec<Point3<f64>> =
+            face.map(|(x, z)| Point3::new(2.0 + 0.1 * x, 1.0 + bulge(0.1 * x), 0.84 + 0.1 * z)).collect();
+        match Shape::fit(&points, 0.84) {
+            Some(Shape::Block { size, .. }) => assert!(size.x.max(size.y) < 0.12, "{size:?}"),
             other => panic!("{other:?}"),
         }
     }

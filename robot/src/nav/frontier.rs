@@ -102,6 +102,12 @@ impl FrontierMemory {
         self.note(frontier.center, config.max_attempts, config);
     }
 
+    /// Lets all frontiers that were given up be tried once more; whether there are any.
+    pub fn reprieve(&mut self, config: &FrontierConfig) -> bool {
+        let given_up = self.attempts.iter_mut().filter(|(_, attempts)| *attempts > config.max_attempts);
+        given_up.map(|(_, attempts)| *attempts = config.max_attempts.saturating_sub(1)).count() > 0
+    }
+
     fn note(&mut self, center: Point2<f64>, count: u32, config: &FrontierConfig) {
         match self.attempts.iter_mut().find(|(c, _)| (*c - center).norm() < config.repeat_radius_m) {
             Some((_, attempts)) => *attempts += count,

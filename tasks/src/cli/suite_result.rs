@@ -74,6 +74,8 @@ pub(super) struct Totals {
     collisions: u32,
     /// Episodes with a collision.
     with_collision: Share,
+    /// Episodes in which the hand touched a free object that the task does not name.
+    with_others_touched: Share,
     /// Limit violations over all episodes.
     limit_violations: u32,
     /// Smallest distance between the robot's base and the world over all episodes, metres.
@@ -205,9 +207,11 @@ impl Suite {
         let figure = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.3}"));
         let _ = writeln!(text, "SPL {}, soft SPL {} where nothing was known", figure(t.spl), figure(t.soft_spl));
         if t.with_known_map.of > 0 {
-            let _ = writeln!(text, "SPL {} on a finished map, {}", figure(t.known_map_spl), describe(&t.with_known_map));
+            let _ =
+                writeln!(text, "SPL {} on a finished map, {}", figure(t.known_map_spl), describe(&t.with_known_map));
         }
         let _ = writeln!(text, "collisions {}, in {}", t.collisions, describe(&t.with_collision));
+        let _ = writeln!(text, "the hand touched others in {}", describe(&t.with_others_touched));
         let _ =
             writeln!(text, "limit violations {}, least clearance {} m", t.limit_violations, figure(t.min_clearance_m));
         let _ = writeln!(
@@ -315,6 +319,7 @@ fn totals(episodes: &[SuiteEpisode]) -> Totals {
         ),
         collisions: metrics().map(|m| m.collisions).sum(),
         with_collision: share(metrics().filter(|m| m.collisions > 0).count(), n),
+        with_others_touched: share(metrics().filter(|m| m.others_touched > 0).count(), n),
         limit_violations: metrics().map(|m| m.limit_violations).sum(),
         min_clearance_m: metrics().filter_map(|m| m.min_clearance_m).min_by(f64::total_cmp),
         non_target_displacement_max_m: metrics().map(|m| m.non_target_displacement_max_m).fold(0.0, f64::max),
@@ -355,6 +360,7 @@ mod tests {
             soft_spl: spl,
             known_map_spl: None,
             collisions: u32::from(stage.is_some()),
+            others_touched: u32::from(stage.is_some()),
             min_clearance_m: Some(0.1),
             limit_violations: 0,
             non_target_displacement_max_m: 0.06,
@@ -385,7 +391,7 @@ mod tests {
         assert_eq!((t.episodes, t.successes, t.collisions), (3, 1, 1));
         assert_eq!((t.failed_stages["hold"].count, t.failed_stages["crash"].count), (1, 1));
         assert_eq!((t.by_skill["grasp"].count, t.by_skill["grasp"].of), (1, 2));
-        assert_eq!((t.spl, t.with_displacement.count), (Some(0.25), 2));
+        assert_eq!((t.spl, t.with_displacement.count, t.with_others_touched.count), (Some(0.25), 2, 1));
         assert!(!suite.all_succeed() && suite.table().contains("failed in hold"));
     }
 

@@ -67,11 +67,10 @@ pub(super) fn come_to(
         // The postures on the way were made for an empty hand.
         unfolded = move_joints_around(agent, ready, &obstacles)?;
     }
-    match unfolded {
-        ArmOutcome::Stuck { error_m, .. } if error_m > NEAR_ENOUGH_RAD => {
-            return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
-        }
-        _ => {}
+    if let ArmOutcome::Stuck { error_m, .. } = unfolded
+        && error_m > NEAR_ENOUGH_RAD
+    {
+        return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
     }
     if approach.step_m() > 0.01 {
         let mut slow = nav.clone();

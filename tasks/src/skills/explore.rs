@@ -34,6 +34,8 @@ pub struct Explorer {
     views_noted: usize,
     looked_around: bool,
     inspected: BTreeSet<ObjectId>,
+    reprieved: bool,
+    complete: bool,
 }
 
 /// What an explorer is told to care about.
@@ -62,7 +64,14 @@ impl Explorer {
             views_noted: 0,
             looked_around: false,
             inspected: BTreeSet::new(),
+            reprieved: false,
+            complete: false,
         }
+    }
+
+    /// Whether nothing was left to see at some time.
+    pub fn is_complete(&self) -> bool {
+        self.complete
     }
 
     /// Explores until the caller has seen enough, nothing is left, or `end` comes.
@@ -110,7 +119,10 @@ impl Explorer {
                         DriveOutcome::Arrived => look_towards(agent, &center)?,
                         DriveOutcome::Enough if !resolved => return Ok(ExploreOutcome::Enough),
                         DriveOutcome::Enough => {}
-                        _ => self.frontiers.give_up(&frontier, &self.nav.frontier),
+                        other => {
+                            agent.note(format!("gives it up: {other:?}"));
+                            self.frontiers.give_up(&frontier, &self.nav.frontier);
+                        }
                     }
                 }
                 Next::Viewpoint(view) => {
@@ -125,9 +137,62 @@ impl Explorer {
                     let (sin, cos) = view.stand.yaw_rad.sin_cos();
                     look_towards(agent, &Point2::new(at.x + cos, at.y + sin))?;
                 }
-                Next::Nothing => return Ok(ExploreOutcome::Complete),
+                // A way that was blocked by what went away, or by a pose that wandered, may be open now.
+                Next::Nothing if !self.reprieved && self.frontiers.reprieve(&self.nav.frontier) => {
+                    agent.note("tries once more what was given up");
+                    self.reprieved = true;
+                }
+                Next::Nothing => {
+                    self.complete = true;
+                    return Ok(ExploreOutcome::Complete);
+                }
             }
         }
+    }
+
+    /// Looks at objects from near once more, each from a side from which it was not seen from near: a detector that misses
+    /// a thing misses it again from the same side. Whether the caller has seen enough then.
+    pub fn look_again(
+        &mut self,
+        agent: &mut Agent,
+        end: Stamp,
+        objects: &[ObjectId],
+        enough: &mut dyn FnMut(&Arc<Map>) -> bool,
+    ) -> Result<bool, Halt> {
+        let mut left = objects.to_vec();
+        while !left.is_empty() && agent.now() < end {
+            let (map, nav, views) = (agent.map().clone(), self.nav.clone(), agent.journal.views.clone());
+            let start = Pose2::from_pose(&agent.world_from_base()?).position;
+            let asked = left.clone();
+            let next = agent.plan(move || {
+                let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
+                let field = Field::from_start(&costmap, &start);
+                let sides = asked.iter().filter_map(|id| {
+                    let bounds = map.find_object(*id)?.bounds;
+                    let seen = seen_from(&views, &bounds.center);
+                    let places = find_view_poses(&map, &costmap, &field, &bounds, &nav.goal);
+                    let is_new = |place: &Point2<f64>| seen.iter().all(|side| are_apart(&bounds.center, place, side));
+                    let place = places.into_iter().find(|place| is_new(&place.pose.position))?;
+                    Some((place.path_length_m, *id, place.pose))
+                });
+                sides.min_by(|a, b| a.0.total_cmp(&b.0))
+            })?;
+            let Some((_, id, stand)) = next else { break };
+            left.retain(|other| *other != id);
+            agent.note(format!("a look at object {} from another side", id.0));
+            agent.gaze = Gaze::AROUND;
+            let drive = Drive::to_place(&self.nav, stand.position).until(end).stop_when(enough);
+            if drive.run(agent)? == DriveOutcome::Enough {
+                return Ok(true);
+            }
+            if let Some(bounds) = agent.map().find_object(id).map(|o| o.bounds) {
+                look_towards(agent, &bounds.center.xy())?;
+            }
+            if enough(agent.map()) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     fn choose(&mut self, agent: &mut Agent, inspect: &dyn Fn(&Map) -> Vec<ObjectId>) -> Result<Next, Halt> {
@@ -169,6 +234,19 @@ impl Explorer {
         self.coverage = coverage;
         Ok(next)
     }
+}
+
+/// Where cameras stood that looked at a place from near.
+fn seen_from(views: &[Pose], place: &Point3<f64>) -> Vec<Point2<f64>> {
+    let near = views.iter().filter(|view| is_near(view, place));
+    near.map(|view| Point2::from(view.translation.vector.xy())).collect()
+}
+
+/// Whether two places lie on different sides of a thing.
+fn are_apart(thing: &Point3<f64>, a: &Point2<f64>, b: &Point2<f64>) -> bool {
+    /// What is missed is missed within a sector of half a radian; a little more leads out of it.
+    const SIDE_RAD: f64 = 0.6;
+    (a - thing.xy()).angle(&(b - thing.xy())) >= SIDE_RAD
 }
 
 /// Whether a camera looks at a place from near.
@@ -218,4 +296,28 @@ fn pan_to(agent: &mut Agent, goal_rad: f64, tilt_rad: f64) -> Result<(), Halt> {
         agent.rest(Span::from_s(period_s))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: only a place from which a thing was not yet seen from near counts as another side of it.
+    use super::*;
+    use nalgebra::{Isometry3, UnitQuaternion};
+
+    #[test]
+    fn another_side_is_one_from_which_nothing_was_seen() {
+        let thing = Point3::new(2.0, 1.0, 0.8);
+        let look_from = |x: f64, y: f64| {
+            let eye = Point3::new(x, y, 1.2);
+            let rotation = UnitQuaternion::rotation_between(&Vector3::z(), &(thing - eye)).expect("not opposite");
+            Isometry3::from_parts(eye.coords.into(), rotation)
+        };
+        // One from near, one from afar, one that looks elsewhere.
+        let mut elsewhere = look_from(2.0, 2.0);
+        elsewhere.rotation = UnitQuaternion::identity();
+        let seen = seen_from(&[look_from(1.0, 1.0), look_from(2.0, 5.0), elsewhere], &thing);
+        assert_eq!(seen, [Point2::new(1.0, 1.0)]);
+        let is_new = |x, y| seen.iter().all(|side| are_apart(&thing, &Point2::new(x, y), side));
+        assert!(is_new(2.0, 2.0) && is_new(3.0, 1.0) && !is_new(1.2, 1.1) && !is_new(0.5, 0.9));
+    }
 }

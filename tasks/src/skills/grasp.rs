@@ -102,6 +102,11 @@ pub fn grasp(agent: &mut Agent, nav: &NavConfig, settings: &GraspSettings, id: O
                     break;
                 }
                 retreat(agent)?;
+                if agent.map().find_object(id).is_none() {
+                    // A nearer look made another object of it: that is for whoever knows the words.
+                    last.0 = Stage::Mapping;
+                    break;
+                }
             }
         }
     }

@@ -73,14 +73,30 @@ impl Standing {
         let width_m = agent.grip_state()?.width_m;
         let tool = base_from_tool.translation.vector;
         let middle = Point3::new(tool.x, tool.y, tool.z - tool_above_bottom_m + 0.5 * height_m);
+        let base_from_world = agent.world_from_base()?.inverse();
+        let (size, base_from_box) = upright(&self.bounds, height_m, &base_from_world);
         agent.hold(Some(OrientedBox {
             center: base_from_tool.inverse_transform_point(&middle),
-            size: Vector3::new(2.0 * radius_m, 2.0 * radius_m, height_m),
-            rotation: base_from_tool.rotation.inverse(),
+            size,
+            rotation: base_from_tool.rotation.inverse() * base_from_box,
         }));
         let load = Load { radius_m: radius_m + off_m, height_m };
         Ok(Held { id: self.id, load, tool_above_bottom_m, base_from_tool: base_from_tool.rotation, width_m })
     }
+}
+
+/// Size and rotation of the upright box around an object in the base frame: its own sides, a little wider than they were
+/// seen, when it stands upright, or a square around it.
+fn upright(bounds: &OrientedBox, height_m: f64, base_from_world: &Pose) -> (Vector3<f64>, UnitQuaternion<f64>) {
+    const WIDER: f64 = 1.1;
+    const UPRIGHT_RAD: f64 = 0.05;
+    let tilt_rad = (bounds.rotation * Vector3::z()).angle(&Vector3::z());
+    if tilt_rad < UPRIGHT_RAD {
+        let size = Vector3::new(WIDER * bounds.size.x, WIDER * bounds.size.y, height_m);
+        return (size, base_from_world.rotation * bounds.rotation);
+    }
+    let side_m = WIDER * bounds.size.x.max(bounds.size.y);
+    (Vector3::new(side_m, side_m, height_m), UnitQuaternion::identity())
 }
 
 /// Backs off from where the object was lifted and folds the arm around it, ready to drive anywhere.
@@ -156,4 +172,26 @@ pub(super) fn obstacles_but_held(
         Obstacle::Box { .. } | Obstacle::Hull { .. } => true,
     });
     Ok(obstacles)
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: a box in the hand is as thin as the box was: one taken for a square as wide as its longer side has no
+    //! room in the fold.
+    use super::*;
+    use nalgebra::Translation3;
+
+    #[test]
+    fn a_cereal_box_stays_thin() {
+        let yaw = |angle: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle);
+        let size = Vector3::new(0.19, 0.06, 0.28);
+        let standing = OrientedBox { center: Point3::new(1.0, 2.0, 0.9), size, rotation: yaw(0.7) };
+        let base_from_world = Pose::from_parts(Translation3::identity(), yaw(-0.2));
+        let (held, base_from_box) = upright(&standing, 0.28, &base_from_world);
+        assert!(held.x > 0.19 && held.x < 0.22 && held.y > 0.06 && held.y < 0.07 && held.z == 0.28, "{held}");
+        assert!(base_from_box.angle_to(&yaw(0.5)) < 1e-9);
+        let fallen = OrientedBox { rotation: UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 0.4), ..standing };
+        let (held, base_from_box) = upright(&fallen, 0.28, &base_from_world);
+        assert!(held.x == held.y && held.x > 0.19 && base_from_box.angle() < 1e-9);
+    }
 }

@@ -70,9 +70,10 @@ pub fn place(
 
 type Attempt = Result<String, (Stage, String)>;
 
-/// Share of the usual room around a spot that an attempt asks for.
+/// Share of the usual room around a spot that an attempt asks for: on a small surface that carries something already
+/// there is no more than the object itself needs.
 fn spare(attempt: usize) -> f64 {
-    if attempt == 0 { 1.0 } else { 0.55 }
+    [1.0, 0.55, 0.25].get(attempt).copied().unwrap_or(0.25)
 }
 
 fn try_place(
@@ -138,8 +139,9 @@ fn try_place(
         agent.hold(None);
         return Ok(Err((Stage::Hold, "the object slipped out of the fingers on the way".into())));
     }
-    let opening_m =
-        (held.width_m + settings.planner.opening_margin_m).min(agent.model().settings.gripper.max_aperture_m);
+    // The fingers open no wider than the room that was asked for beside the object.
+    let beside_m = spare(attempt) * settings.planner.opening_margin_m;
+    let opening_m = (held.width_m + beside_m).min(agent.model().settings.gripper.max_aperture_m);
     agent.grip(opening_m, 10.0);
     agent.rest(Span::from_s(1.0))?;
     agent.note("let go");

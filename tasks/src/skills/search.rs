@@ -17,6 +17,12 @@ const SURE_OBSERVATIONS: u32 = 12;
 /// Words are grounded this often while exploring.
 const GROUND_EVERY: Span = Span(1_000_000_000);
 
+/// So many objects are looked at again before the words are refused.
+const MOST_LOOKS: usize = 8;
+/// Smallest footprint of what carries other things, square metres, and the heights of its top, metres.
+const CARRIER_M2: f64 = 0.1;
+const CARRIER_TOP_M: (f64, f64) = (0.3, 1.4);
+
 /// How much is looked at before an answer counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Thoroughness {
@@ -38,7 +44,8 @@ fn can_be_settled_early(query: &Query) -> bool {
     target.selections.is_empty() && !compares && (says_more || any_will_do)
 }
 
-/// Grounds `text`, exploring as long as the answer is not sure and something is left to see before `end`.
+/// Grounds `text`, exploring as long as the answer is not sure and something is left to see before `end`. Before it says
+/// that nothing fits, or too much does, it looks once more from other sides where the words say that the thing is.
 pub fn search(
     agent: &mut Agent,
     explorer: &mut Explorer,
@@ -48,6 +55,13 @@ pub fn search(
     thoroughness: Thoroughness,
     end: Stamp,
 ) -> Result<Grounding, Halt> {
+    if thoroughness == Thoroughness::Enough && explorer.is_complete() {
+        // On a finished map what is plain needs no further look.
+        let known = answer(agent, grounder, text)?;
+        if known.status == GroundingStatus::Found && known.score >= SURE_SCORE {
+            return Ok(known);
+        }
+    }
     let mut grounded_at = Stamp(i64::MIN / 2);
     let mut same_since: Option<(Stamp, Option<u64>, Option<u32>)> = None;
     let mut enough = |map: &Arc<Map>| {
@@ -85,6 +99,21 @@ pub fn search(
     if outcome != ExploreOutcome::Enough {
         agent.journal.note(now_s, format!("exploration ends: {outcome:?}"), None);
     }
+    let first = answer(agent, grounder, text)?;
+    let doubtful = match first.status {
+        GroundingStatus::Found | GroundingStatus::Unparsed => return Ok(first),
+        GroundingStatus::Ambiguous => find_rivals(&first),
+        GroundingStatus::Absent => named.find_places(agent.map(), knowledge),
+    };
+    if outcome != ExploreOutcome::Enough && !doubtful.is_empty() {
+        explorer.look_again(agent, end, &doubtful, &mut enough)?;
+        return answer(agent, grounder, text);
+    }
+    Ok(first)
+}
+
+/// What the words mean in the map as it is.
+fn answer(agent: &mut Agent, grounder: &Arc<Grounder>, text: &str) -> Result<Grounding, Halt> {
     let viewer = agent.world_from_base()?;
     let (map, grounder, text) = (agent.map().clone(), grounder.clone(), text.to_owned());
     agent.plan(move || {
@@ -98,24 +127,39 @@ pub fn search(
     })
 }
 
+/// The best candidates of an answer that cannot tell them apart.
+fn find_rivals(grounding: &Grounding) -> Vec<ObjectId> {
+    /// As good as the best for one who doubts.
+    const SHARE: f32 = 0.6;
+    let best = grounding.candidates.iter().map(|candidate| candidate.score).fold(0.0, f32::max);
+    let rivals = grounding.candidates.iter().filter(|candidate| candidate.score >= SHARE * best);
+    rivals.filter_map(|candidate| candidate.object_id).take(MOST_LOOKS).collect()
+}
+
 /// The things that a sentence mentions: category, and the colours said of it.
 struct Named {
+    /// The things, the one that is asked for first if it is known by name.
     things: Vec<(String, Vec<String>)>,
+    /// Rooms in which they are said to be.
+    rooms: Vec<String>,
 }
 
 /// Where a sentence says that something is, it is worth to look from near: a small thing on a white shelf is only found
 /// by looking at white shelves.
 fn named_in(knowledge: &Knowledge, query: Option<&Query>) -> Named {
-    let mut things = Vec::new();
+    let (mut things, mut rooms) = (Vec::new(), Vec::new());
     let mut open: Vec<&Entity> = query.iter().map(|query| &query.target).collect();
     while let Some(entity) = open.pop() {
         open.extend(entity.relations.iter().flat_map(|relation| &relation.anchors));
+        if let Noun::Room(name) = &entity.noun {
+            rooms.push(name.clone());
+        }
         let Noun::Thing(word) = &entity.noun else { continue };
         let Some(category) = knowledge.find(word) else { continue };
         let colors = entity.attributes.iter().filter(|term| term.kind == AttributeWord::Color && !term.negated);
         things.push((category.name.clone(), colors.map(|term| term.word.clone()).collect()));
     }
-    Named { things }
+    Named { things, rooms }
 }
 
 impl Named {
@@ -131,5 +175,26 @@ impl Named {
             self.things.iter().any(|(name, colors)| is(name) && (colors.is_empty() || colors.iter().any(has)))
         };
         map.stable_objects().filter(fits).map(|object| object.id).collect()
+    }
+    /// Where a thing that was not found may be all the same: what is named, whatever its colour, and what can carry
+    /// things in the rooms that are named.
+    fn find_places(&self, map: &Map, knowledge: &Knowledge) -> Vec<ObjectId> {
+        let named =
+            Self { things: self.things.iter().map(|(name, _)| (name.clone(), Vec::new())).collect(), rooms: vec![] };
+        let mut places = named.find_in(map, knowledge);
+        let is_there = |object: &MapObject| {
+            let room = object.room.and_then(|id| map.find_room(id));
+            room.is_some_and(|room| self.rooms.contains(&room.name))
+        };
+        let carries = |object: &MapObject| {
+            let (size, top_m) = (object.bounds.size, object.bounds.top_m());
+            size.x * size.y >= CARRIER_M2 && (CARRIER_TOP_M.0..CARRIER_TOP_M.1).contains(&top_m)
+        };
+        let carriers =
+            map.stable_objects().filter(|object| is_there(object) && carries(object)).map(|object| object.id);
+        let carriers: Vec<ObjectId> = carriers.filter(|id| !places.contains(id)).collect();
+        places.extend(carriers);
+        places.truncate(MOST_LOOKS);
+        places
     }
 }
