@@ -21,6 +21,8 @@ pub enum Visibility {
 pub struct Sight<'a> {
     costmap: &'a Costmap,
     objects: Vec<Occluder<'a>>,
+    /// It hides nothing of itself, and stands in cells of its own.
+    target: (OrientedBox, Aabb),
 }
 
 struct Occluder<'a> {
@@ -46,7 +48,7 @@ impl<'a> Sight<'a> {
             points: &object.points,
         };
         let objects = map.stable_objects().filter(|o| !is_same(&o.bounds, target)).map(occluder).collect();
-        Self { costmap, objects }
+        Self { costmap, objects, target: (*target, target.aabb().grown(HIT_RADIUS_M)) }
     }
 
     /// What stands between a camera and a point of a target, both in the world frame. Things nearer to the point than
@@ -78,6 +80,8 @@ impl<'a> Sight<'a> {
         const WALL_NEAR_TARGET_M: f64 = 0.15;
         let (from, to) = (Point2::new(camera.x, camera.y), Point2::new(point.x, point.y));
         let floor_length = (to - from).norm();
+        // What is that near along the ray is nearer along the floor.
+        let reach_m = reach_m * floor_length / (point - camera).norm().max(1e-9);
         let reach = (floor_length - WALL_NEAR_TARGET_M).min(reach_m);
         let yaw = super::grid::bearing(&from, &to);
         self.costmap.grid().ray(from, yaw, reach.max(0.0)).any(|(cell, distance)| {
@@ -92,11 +96,12 @@ impl<'a> Sight<'a> {
     /// Whether a ray that crosses an occupied cell at `point` passes through or over an object that stands there. What
     /// hangs above the ray says nothing about what stands below it.
     fn is_explained(&self, point: &Point3<f64>) -> bool {
-        self.objects.iter().any(|o| {
-            let level = Point3::new(point.x, point.y, o.bounds.center.z);
-            o.around.min.z <= point.z
-                && o.around.grown(EXPLAINED_MARGIN_M).contains(&level)
-                && o.bounds.contains(&level, EXPLAINED_MARGIN_M)
+        let target = (&self.target.0, &self.target.1);
+        self.objects.iter().map(|o| (&o.bounds, &o.around)).chain([target]).any(|(bounds, around)| {
+            let level = Point3::new(point.x, point.y, bounds.center.z);
+            around.min.z <= point.z
+                && around.grown(EXPLAINED_MARGIN_M).contains(&level)
+                && bounds.contains(&level, EXPLAINED_MARGIN_M)
         })
     }
 }
@@ -231,6 +236,20 @@ pub(crate) mod tests {
         let look = |x: f64| sight.check(&Point3::new(x, 1.0, 1.25), &book.bounds.center, 0.15);
         assert_eq!(look(3.0), Visibility::Clear);
         assert_eq!(look(4.6), Visibility::BehindWall);
+    }
+
+    #[test]
+    fn low_furniture_does_not_hide_itself() {
+        // Its own cells were taken for a wall: no place before a nightstand in the open would do.
+        let nightstand = boxed(1, [3.6, 2.6, 0.24], [0.46, 0.43, 0.48], &[0, 2, 3, 5]);
+        let map = map_of(room_grid(), vec![nightstand.clone()]);
+        let costmap = Costmap::from_free_space(&map.free_space, &CostmapConfig::default());
+        let target = nightstand.bounds;
+        let sight = Sight::among(&map, &costmap, &target);
+        let look = |x: f64, y: f64| sight.check(&Point3::new(x, y, 1.25), &target.center, 0.5 * target.size.norm());
+        assert_eq!(look(2.7, 2.6), Visibility::Clear);
+        assert_eq!(look(3.6, 1.6), Visibility::Clear);
+        assert_eq!(look(4.6, 2.8), Visibility::BehindWall, "beside the door, the wall is a wall");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::Outcome;
 use super::approach::{Approach, come_to, find_approaches};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_tool, move_tool_around};
-use super::hold::{close, verify};
+use super::hold::{between_fingers, close, verify};
 use super::obstacles::find_obstacles;
 use super::wrist::{center_with_wrist, look_back_m, look_pose};
 use crate::agent::{Agent, Halt};
@@ -229,7 +229,8 @@ fn try_grasp(
     if width_m < settings.min_width_m {
         return Ok(Err((Stage::Grasp, format!("the fingers closed to {:.0} mm: nothing between them", 1e3 * width_m))));
     }
-    let before = points_of(agent.map(), id);
+    let aperture_m = settings.planner.hand.max_aperture_m;
+    let before = between_fingers(&points_of(agent.map(), id), &grasp.world_from_tool, support_z_m, aperture_m);
     let lifted = lift(agent, settings, &base_from_grasp, &reach.joints, &obstacles)?;
     verify(agent, settings, &before, lifted)
 }

@@ -128,25 +128,38 @@ pub fn carry(agent: &mut Agent, held: &Held, settings: &GraspSettings) -> Result
     }
 }
 
-/// Navigation with the footprint of the robot as it is folded around its load, or as much of it as leads to one of `goals`
-/// (anywhere, when there are none): a load that sticks out a little must not close every door.
+/// Navigation with the footprint of the robot as it is folded around its load, or as much of it as leaves half of the
+/// places to stand around the `goals`, and a way there: a load that sticks out a little must neither close every door nor
+/// leave one place from which the arm does not reach.
 pub fn carrying(agent: &mut Agent, nav: &NavConfig, goals: &[Point2<f64>]) -> Result<NavConfig, Halt> {
     /// A footprint for which wide doors are wide enough.
     const WIDEST_M: f64 = 0.34;
     const STEP_M: f64 = 0.03;
+    const LEFT_SHARE: f64 = 0.5;
     let configuration = agent.configuration()?;
     let own_m = nav.costmap.footprint_radius_m;
     let mut radius_m = own_m.max(agent.model().radius_m(&configuration).min(WIDEST_M));
     let (map, start) = (agent.map().clone(), Pose2::from_pose(&agent.world_from_base()?).position);
     let (nav, goals) = (nav.clone(), goals.to_vec());
     agent.plan(move || {
-        loop {
+        let with_radius = |radius_m: f64| {
             let mut wide = nav.clone();
             wide.costmap.footprint_radius_m = radius_m;
-            let costmap = Costmap::from_free_space(&map.free_space, &wide.costmap);
+            wide
+        };
+        let count_stands = |nav: &NavConfig| -> usize {
+            let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
             let field = Field::from_start(&costmap, &start);
-            let leads = |goal: &Point2<f64>| !stands_around(&costmap, &field, goal).is_empty();
-            if radius_m <= own_m || goals.is_empty() || goals.iter().any(leads) {
+            goals.iter().map(|goal| stands_around(&costmap, &field, goal).len()).sum()
+        };
+        if goals.is_empty() {
+            return with_radius(radius_m);
+        }
+        let most = count_stands(&nav) as f64;
+        loop {
+            let wide = with_radius(radius_m);
+            let stands = count_stands(&wide);
+            if radius_m <= own_m || (stands > 0 && stands as f64 >= LEFT_SHARE * most) {
                 return wide;
             }
             radius_m = (radius_m - STEP_M).max(own_m);

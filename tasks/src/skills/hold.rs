@@ -4,6 +4,7 @@ use super::arm::ArmOutcome;
 use super::grasp::{Attempt, GraspSettings};
 use crate::agent::{Agent, Halt};
 use crate::summary::Stage;
+use dsm::Pose;
 use dsm::time::Span;
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
@@ -82,4 +83,47 @@ fn share_still_there(agent: &Agent, before: &[Point3<f64>]) -> f64 {
     }
     // With almost nothing in view the width alone decides.
     if visible < 20 { 0.0 } else { there as f64 / visible as f64 }
+}
+
+/// The points of an object that the hand takes with it: a cloud that holds some of the shelf says nothing about a lift.
+pub(super) fn between_fingers(
+    points: &[Point3<f64>],
+    world_from_tool: &Pose,
+    support_z_m: f64,
+    aperture_m: f64,
+) -> Vec<Point3<f64>> {
+    /// Noise of depth over the support, metres.
+    const ABOVE_M: f64 = 0.01;
+    /// What is farther from the hand moves little or is something else, metres.
+    const AROUND_M: f64 = 0.12;
+    let tool = Point3::from(world_from_tool.translation.vector);
+    let taken = |p: &&Point3<f64>| {
+        let across_m = world_from_tool.inverse_transform_point(p).y.abs();
+        p.z > support_z_m + ABOVE_M && (p.xy() - tool.xy()).norm() < AROUND_M && across_m < 0.5 * aperture_m
+    };
+    points.iter().filter(taken).copied().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: only what the hand takes along tells whether a lift succeeded.
+    use super::*;
+    use nalgebra::{Translation3, UnitQuaternion, Vector3};
+
+    #[test]
+    fn the_shelf_in_a_bottles_cloud_stays_behind() {
+        // A bottle on the lower board, from the front; the cloud also holds boards and back of the shelf.
+        let bottle =
+            (0..40).map(|i| Point3::new(1.0, 2.0 + 0.03 * f64::from(i % 5 - 2) / 2.0, 0.4 + 0.005 * f64::from(i)));
+        let board = (0..60).map(|i| Point3::new(1.0, 1.7 + 0.01 * f64::from(i), 0.375));
+        let back = (0..60).map(|i| Point3::new(1.16, 1.7 + 0.01 * f64::from(i), 0.5));
+        let upper = (0..60).map(|i| Point3::new(1.1, 1.7 + 0.01 * f64::from(i), 0.7));
+        let cloud: Vec<Point3<f64>> = bottle.chain(board).chain(back).chain(upper).collect();
+        // Approach along x, closing along y.
+        let rotation = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
+        let tool = Pose::from_parts(Translation3::new(1.0, 2.0, 0.48), rotation);
+        let taken = between_fingers(&cloud, &tool, 0.37, 0.13);
+        assert!(taken.len() >= 40 && taken.len() <= 60, "{}", taken.len());
+        assert!(taken.iter().all(|p| (p.y - 2.0).abs() < 0.07 && p.z > 0.38 && p.x < 1.15));
+    }
 }

@@ -10,7 +10,7 @@ use super::spots::{Spot, find_spots};
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
-use dsm::map::ObjectId;
+use dsm::map::{Map, ObjectId};
 use dsm::time::Span;
 use dsm_robot::control::{IkRequest, find_ik};
 use dsm_robot::joints::JointPositions;
@@ -32,7 +32,7 @@ const MAX_SPOTS: usize = 24;
 /// Directions around a spot in which standing places are looked for.
 const DIRECTIONS: usize = 24;
 /// Turns of the hand about the vertical that are tried, radians.
-const TURNS_RAD: [f64; 5] = [0.0, 0.5, -0.5, 1.1, -1.1];
+const TURNS_RAD: [f64; 7] = [0.0, 0.5, -0.5, 1.1, -1.1, 1.7, -1.7];
 
 /// Puts what is held on an object of the map. The arm is folded.
 pub fn place(
@@ -142,6 +142,8 @@ fn try_place(
     // The fingers open no wider than the room that was asked for beside the object.
     let beside_m = spare(attempt) * settings.planner.opening_margin_m;
     let opening_m = (held.width_m + beside_m).min(agent.model().settings.gripper.max_aperture_m);
+    // What the surface carries before, to tell the load from it if it rolls or falls over.
+    let before = agent.map().clone();
     agent.grip(opening_m, 10.0);
     agent.rest(Span::from_s(1.0))?;
     agent.note("let go");
@@ -161,10 +163,14 @@ fn try_place(
     agent.rest(Span::from_s(1.5))?;
     agent.note("looks at what was put down");
     let seen = count_points_on(agent, &spot, held);
-    if seen < MIN_POINTS_SEEN {
-        return Ok(Err((Stage::Place, format!("only {seen} points are seen where the object was put"))));
+    if seen >= MIN_POINTS_SEEN {
+        return Ok(Ok(format!("put down; {seen} points are seen there")));
     }
-    Ok(Ok(format!("put down; {seen} points are seen there")))
+    let elsewhere = count_new_points(agent, &before, surface, &spot, held);
+    if elsewhere >= MIN_POINTS_SEEN {
+        return Ok(Ok(format!("put down; it lies elsewhere on the surface, where {elsewhere} new points are seen")));
+    }
+    Ok(Err((Stage::Place, format!("only {seen} points are seen where the object was put"))))
 }
 
 /// Depth points on the spot from which the object counts as seen there.
@@ -180,6 +186,37 @@ fn count_points_on(agent: &Agent, spot: &Spot, held: &Held) -> usize {
         .filter(|p| (p.xy() - spot.point.xy()).norm() < radius_m)
         .filter(|p| p.z > spot.point.z + 0.015 && p.z < spot.point.z + held.load.height_m + 0.04)
         .count()
+}
+
+/// Points of the newest head frame over the surface, no higher than the load, where the map from before the load was let
+/// go holds nothing.
+fn count_new_points(agent: &Agent, before: &Map, surface: ObjectId, spot: &Spot, held: &Held) -> usize {
+    /// Inside the outline of the surface by this much, metres: a wall behind it is not on it.
+    const INSIDE_M: f64 = 0.03;
+    /// Nearer to a known point it is known, metres: depth noise, and a pose that wanders by 3 cm.
+    const KNOWN_M: f64 = 0.06;
+    let (Some(seen), Some(board)) = (agent.find_frame("head"), before.find_object(surface)) else { return 0 };
+    let around = board.bounds.aabb();
+    let over = |p: &Point3<f64>| {
+        let level = Point3::new(p.x, p.y, board.bounds.center.z);
+        let z_m = p.z - spot.point.z;
+        (0.02..held.load.height_m.max(2.0 * held.load.radius_m) + 0.04).contains(&z_m)
+            && board.bounds.contains(&level, -INSIDE_M)
+    };
+    let known: Vec<Point3<f64>> = before
+        .objects
+        .values()
+        .filter(|object| object.id != held.id)
+        .flat_map(|object| object.points.iter().map(|point| point.position.cast::<f64>()))
+        .filter(|p| {
+            p.z > spot.point.z + 0.02 && around.grown(KNOWN_M).contains(&Point3::new(p.x, p.y, board.bounds.center.z))
+        })
+        .collect();
+    let frame = &seen.frame;
+    let points = (0..frame.depth_m.len())
+        .step_by(2)
+        .filter_map(|pixel| Some(frame.world_from_camera * frame.find_point_in_camera(pixel)?));
+    points.filter(over).filter(|p| known.iter().all(|k| (k - p).norm() > KNOWN_M)).count()
 }
 
 /// The tool's pose in the base frame for putting the load on a spot, with the hand turned about the vertical.
