@@ -16,8 +16,10 @@ const SHOULDER_RAD: [f64; 4] = [0.0, -0.25, -0.5, -0.8];
 const ELBOW_RAD: [f64; 4] = [0.0, -0.25, -0.5, -0.8];
 const WRIST_RAD: [f64; 6] = [0.0, -0.4, -0.8, -1.3, -1.9, 0.5];
 const ROLL_RAD: [f64; 3] = [0.0, 1.57, -1.57];
+/// Offsets of the first joint: the fold as the robot's file has it, and for bulky loads one that is turned to a side.
+const TURN_RAD: [&[f64]; 2] = [&[0.0], &[-0.9, -0.6, -0.3, 0.3]];
 /// Order of the joints in the arm group that are varied.
-const VARIED: [usize; 5] = [0, 2, 4, 6, 7];
+const VARIED: [usize; 6] = [0, 1, 2, 4, 6, 7];
 /// A deviation from the fold must make the robot narrower by this, metres per unit.
 const DEVIATION_COST_M: f64 = 0.01;
 
@@ -29,34 +31,47 @@ pub(super) fn find_carry(model: &RobotModel, configuration: &Configuration) -> O
     let side = model.find_posture(path.get(1)?)?;
     let outside = configured(model, configuration, &side);
     let folded = configured(model, configuration, &fold);
-    let start = model.arm.values_of(&folded);
+    let found = TURN_RAD.iter().find_map(|turns| find_variant(model, &folded, &outside, turns))?;
+    let values = model.arm.values_of(&found);
+    let carry = JointPositions::from_values(&model.arm.joints, values)?;
+    Some(vec![side, carry])
+}
+
+/// The narrowest variant of the fold with one of the `turns` of the first joint that touches nothing on the way from
+/// `outside`.
+fn find_variant(
+    model: &RobotModel,
+    folded: &Configuration,
+    outside: &Configuration,
+    turns: &[f64],
+) -> Option<Configuration> {
+    let start = model.arm.values_of(folded);
     let mut variants: Vec<(f64, Configuration)> = Vec::new();
-    for lift in LIFT_M {
-        for shoulder in SHOULDER_RAD {
-            for elbow in ELBOW_RAD {
-                for wrist in WRIST_RAD {
-                    for roll in ROLL_RAD {
-                        let offsets = [lift, shoulder, elbow, wrist, roll];
-                        let Some(values) = varied(model, &start, &offsets) else { continue };
-                        let mut variant = folded.clone();
-                        variant.apply_group(&model.arm, &values);
-                        let deviation: f64 = offsets.iter().map(|offset| offset.abs()).sum();
-                        let cost = model.radius_m(&variant) + DEVIATION_COST_M * deviation;
-                        variants.push((cost, variant));
+    for turn in turns {
+        for lift in LIFT_M {
+            for shoulder in SHOULDER_RAD {
+                for elbow in ELBOW_RAD {
+                    for wrist in WRIST_RAD {
+                        for roll in ROLL_RAD {
+                            let offsets = [lift, *turn, shoulder, elbow, wrist, roll];
+                            let Some(values) = varied(model, &start, &offsets) else { continue };
+                            let mut variant = folded.clone();
+                            variant.apply_group(&model.arm, &values);
+                            let deviation: f64 = offsets.iter().map(|offset| offset.abs()).sum();
+                            let cost = model.radius_m(&variant) + DEVIATION_COST_M * deviation;
+                            variants.push((cost, variant));
+                        }
                     }
                 }
             }
         }
     }
     variants.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let found =
-        variants.into_iter().find(|(_, variant)| is_free(model, variant) && is_way_free(model, &outside, variant))?;
-    let values = model.arm.values_of(&found.1);
-    let carry = JointPositions::from_values(&model.arm.joints, values)?;
-    Some(vec![side, carry])
+    let found = variants.into_iter().find(|(_, v)| is_free(model, v) && is_way_free(model, outside, v))?;
+    Some(found.1)
 }
 
-fn varied(model: &RobotModel, start: &[f64], offsets: &[f64; 5]) -> Option<Vec<f64>> {
+fn varied(model: &RobotModel, start: &[f64], offsets: &[f64; 6]) -> Option<Vec<f64>> {
     let mut values = start.to_vec();
     for (joint, offset) in VARIED.iter().zip(offsets) {
         let (value, limits) = (values.get_mut(*joint)?, model.arm.limits.get(*joint)?);
@@ -111,5 +126,19 @@ mod tests {
             let radius_m = holding.radius_m(&configuration);
             assert!(radius_m < 0.36, "{size:?}: {radius_m:.3} m");
         }
+    }
+
+    #[test]
+    fn a_cereal_box_is_carried() {
+        let model = RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter")).unwrap();
+        let ready = configured(&model, &model.kinematics.zero(), &model.find_posture("ready_down").unwrap());
+        // Held at its upper end, from above: its long side along the tool's x, its height along the approach.
+        let size = Vector3::new(0.21, 0.066, 0.29);
+        let held = OrientedBox { center: Point3::new(0.0, 0.0, 0.06), size, rotation: UnitQuaternion::identity() };
+        let holding = model.holding(&held);
+        let ready = holding.with_gripper_width(ready, size.y);
+        let carried = find_carry(&holding, &ready).expect("it is carried");
+        let configuration = configured(&holding, &ready, &carried[1]);
+        assert!(is_free(&holding, &configuration), "{:.3} m", holding.radius_m(&configuration));
     }
 }

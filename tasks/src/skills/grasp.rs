@@ -5,6 +5,7 @@ use super::approach::{Approach, come_to, find_approaches};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_tool, move_tool_around};
 use super::hold::{between_fingers, close, verify};
 use super::obstacles::find_obstacles;
+use super::target::Target;
 use super::wrist::{center_with_wrist, look_back_m, look_pose};
 use crate::agent::{Agent, Halt};
 use crate::summary::Stage;
@@ -84,8 +85,11 @@ struct Reach {
 /// Drives to an object and lifts it.
 pub fn grasp(agent: &mut Agent, nav: &NavConfig, settings: &GraspSettings, id: ObjectId) -> Result<Outcome, Halt> {
     let mut last = (Stage::Planning, "no attempt was made".to_owned());
+    let Some(target) = Target::of(agent.map(), id) else {
+        return Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0)));
+    };
     for attempt in 0..settings.max_attempts {
-        let result = try_grasp(agent, nav, settings, id, attempt)?;
+        let result = try_grasp(agent, nav, settings, &target, attempt)?;
         let now_s = agent.now().as_s();
         match result {
             Ok(reason) => return Ok(Outcome::Done(reason)),
@@ -119,19 +123,23 @@ fn try_grasp(
     agent: &mut Agent,
     nav: &NavConfig,
     settings: &GraspSettings,
-    id: ObjectId,
+    target: &Target,
     attempt: usize,
 ) -> Result<Attempt, Halt> {
     // Where to stand.
-    let Some(bounds) = agent.map().find_object(id).map(|o| o.bounds) else {
+    let id = target.id();
+    let Some(bounds) = target.in_map(agent.map()).find_object(id).map(|o| o.bounds) else {
         return Ok(Err((Stage::Mapping, format!("object {} left the map", id.0))));
     };
-    let approaches = choose_approaches(agent, nav, settings, id, attempt + 1)?;
+    let approaches = choose_approaches(agent, nav, settings, target, attempt + 1)?;
     let Some(approach) = approaches.get(attempt.min(approaches.len().saturating_sub(1))).cloned() else {
         return Ok(Err((Stage::Planning, NO_PLACE.into())));
     };
     // The arm keeps off the object until it reaches for it.
-    let obstacles = |agent: &mut Agent| obstacles_now(agent, None);
+    let obstacles = |agent: &mut Agent| {
+        let world_from_base = agent.world_from_base()?;
+        Ok(find_obstacles(&target.in_map(agent.map()), &world_from_base, None))
+    };
     let step_m_per_s = settings.step_speed_m_per_s;
     if let Err(failure) = come_to(agent, nav, &approach, "object", &bounds.center, step_m_per_s, obstacles)? {
         return Ok(Err(failure));
@@ -142,14 +150,14 @@ fn try_grasp(
     let picture = agent.find_frame("head").map(|seen| seen.frame.clone());
     agent.journal.note(now_s, "before the object", picture.as_ref());
     // Choose a grasp for where the base really stands.
-    let (reach, support_z_m) = match choose_grasp(agent, settings, id)? {
+    let (reach, support_z_m) = match choose_grasp(agent, settings, target)? {
         Ok(chosen) => chosen,
         Err(failure) => return Ok(Err(failure)),
     };
     let world_from_base = agent.world_from_base()?;
     let base_from_world = world_from_base.inverse();
     agent.grip(reach.grasp.opening_m, 10.0);
-    let obstacles = obstacles_now(agent, Some(id))?;
+    let obstacles = find_obstacles(&target.in_map(agent.map()), &world_from_base, Some(id));
     let back_m = look_back_m(agent.model(), &reach.grasp, settings);
     let free = ToolMove {
         goal: base_from_world * look_pose(&reach.grasp, settings, back_m),
@@ -230,7 +238,8 @@ fn try_grasp(
         return Ok(Err((Stage::Grasp, format!("the fingers closed to {:.0} mm: nothing between them", 1e3 * width_m))));
     }
     let aperture_m = settings.planner.hand.max_aperture_m;
-    let before = between_fingers(&points_of(agent.map(), id), &grasp.world_from_tool, support_z_m, aperture_m);
+    let before =
+        between_fingers(&points_of(&target.in_map(agent.map()), id), &grasp.world_from_tool, support_z_m, aperture_m);
     let lifted = lift(agent, settings, &base_from_grasp, &reach.joints, &obstacles)?;
     verify(agent, settings, &before, lifted)
 }
@@ -272,11 +281,6 @@ fn lift(
     move_tool(agent, &way(above))
 }
 
-fn obstacles_now(agent: &mut Agent, target: Option<ObjectId>) -> Result<Vec<Obstacle>, Halt> {
-    let world_from_base = agent.world_from_base()?;
-    Ok(find_obstacles(agent.map(), &world_from_base, target))
-}
-
 pub(super) fn finger_links(model: &RobotModel) -> Vec<dsm_robot::model::LinkId> {
     let names = &model.settings.gripper.finger_links;
     names.iter().filter_map(|name| model.kinematics.find_link(name)).collect()
@@ -313,10 +317,10 @@ fn choose_approaches(
     agent: &mut Agent,
     nav: &NavConfig,
     settings: &GraspSettings,
-    id: ObjectId,
+    target: &Target,
     wanted: usize,
 ) -> Result<Vec<Approach>, Halt> {
-    let (map, model) = (agent.map().clone(), agent.model().clone());
+    let (id, map, model) = (target.id(), target.in_map(agent.map()), agent.model().clone());
     let start = Pose2::from_pose(&agent.world_from_base()?).position;
     let configuration = agent.configuration()?;
     let (nav, settings) = (nav.clone(), settings.clone());
@@ -361,8 +365,8 @@ fn choose_approaches(
 type Chosen = Result<(Reach, f64), (Stage, String)>;
 
 /// The best grasp that the arm reaches from where the base stands, and the height of the support.
-fn choose_grasp(agent: &mut Agent, settings: &GraspSettings, id: ObjectId) -> Result<Chosen, Halt> {
-    let (map, model) = (agent.map().clone(), agent.model().clone());
+fn choose_grasp(agent: &mut Agent, settings: &GraspSettings, target: &Target) -> Result<Chosen, Halt> {
+    let (id, map, model) = (target.id(), target.in_map(agent.map()), agent.model().clone());
     let world_from_base = agent.world_from_base()?;
     let configuration = agent.configuration()?;
     let settings = settings.clone();

@@ -14,6 +14,7 @@ pub mod obstacles;
 pub mod place;
 pub mod search;
 pub mod spots;
+mod target;
 mod wrist;
 
 use crate::summary::Stage;
