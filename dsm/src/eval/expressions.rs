@@ -1,10 +1,12 @@
 //! Referring expressions made from the truth of a scene, each with what it means.
 //!
-//! For every seen thing, every kind of words that tells it apart from all other things of its name, with a margin, gives
-//! one expression in one of several wordings. Other things of its name are those that an ordinary listener could take for
-//! it ([`Knowledge::similarity`] from 0.5), seen or not. Absent things, and names alone where several things bear them,
-//! are asked for as well.
+//! For every seen thing, every kind of words that tells it apart from all its rivals, with a margin, gives expressions in
+//! several wordings. Rivals are the things that its name can be said of ([`Knowledge::similarity`] from 0.75: the same name
+//! or a kind of it), seen or not. Something is only said when one who stands in the scene would see it: colours and
+//! materials that nobody takes for each other, sizes and distances with a margin, places by surfaces that touch or cover
+//! ([`super::places`]). Absent things, and names alone where several things bear them, are asked for as well.
 
+use super::places::Places;
 use super::rooms::contains;
 use super::scene::{TrueScene, TrueThing};
 use crate::geometry::Aabb;
@@ -14,18 +16,22 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-/// Things with names this alike may be taken for each other.
+/// From this likeness of names on, the name of one thing can be said of the other: the same, a synonym, a kind of it.
+const SAME_NAME: f32 = 0.75;
+/// What is absent has no name this much like that of anything there.
 const ALIKE: f32 = 0.5;
-/// A thing within this distance of another is beside it, metres; its rivals are at least [`APART_M`] away.
-const BESIDE_M: f64 = 0.45;
-/// Rivals of what is beside something are at least this far from it, metres.
-const APART_M: f64 = 1.5;
-/// The closest is closer than the next by at least this, metres.
-const CLOSER_M: f64 = 0.5;
-/// The largest is larger than the next by at least this factor.
+/// The largest is larger than the next by at least this factor in volume.
 const LARGER: f64 = 1.6;
+/// The tallest is taller than the next by at least this factor, of at least [`TALLER_M`].
+const TALLER: f64 = 1.25;
+/// Least difference of heights that is said, metres.
+const TALLER_M: f64 = 0.1;
+/// The highest stands higher than the next by at least this, metres.
+const HIGHER_M: f64 = 0.4;
 /// Most expressions of one kind in one scene.
 const MOST_PER_KIND: usize = 8;
+/// Most expressions of one thing, so that no single thing decides.
+const MOST_PER_THING: usize = 4;
 
 /// What an expression means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -48,139 +54,123 @@ pub struct Expression {
     pub meant: Meant,
     /// What tells the thing apart: `name`, `color`, `material`, `on`, ...
     pub kind: String,
-    /// Whether other things bear its name.
+    /// Whether others were seen that bear its name.
     pub multiple: bool,
 }
 
-/// The truth with boxes at hand.
+/// The truth with what is asked of it often.
 struct View<'a> {
     things: &'a [TrueThing],
     boxes: Vec<Aabb>,
-    alike: Vec<Vec<usize>>,
+    rivals: Vec<Vec<usize>>,
     truth: &'a TrueScene,
 }
 
 /// Makes the expressions of a scene; the same for the same scene and seed.
 pub fn make_expressions(truth: &TrueScene, knowledge: &Knowledge, seed: u64) -> Vec<Expression> {
     let things = &truth.objects;
-    let alike_to = |i: usize| -> Vec<usize> {
-        let alike = |j: &usize| *j != i && knowledge.similarity(&things[i].category, &things[*j].category) >= ALIKE;
-        (0..things.len()).filter(alike).collect()
+    let rivals_of = |i: usize| -> Vec<usize> {
+        let same = |j: &usize| *j != i && knowledge.similarity(&things[i].category, &things[*j].category) >= SAME_NAME;
+        (0..things.len()).filter(same).collect()
     };
     let view = View {
         things,
         boxes: things.iter().map(|thing| thing.bounds.aabb()).collect(),
-        alike: (0..things.len()).map(alike_to).collect(),
+        rivals: (0..things.len()).map(rivals_of).collect(),
         truth,
     };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut made: Vec<(String, Expression)> = Vec::new();
+    let places = Places { truth, boxes: &view.boxes, rivals: &view.rivals };
+    let mut made: Vec<Expression> = Vec::new();
     for i in (0..things.len()).filter(|i| things[*i].is_seen()) {
-        for (kind, phrase) in view.describe(i) {
-            let multiple = !view.alike[i].is_empty();
-            let text = reword(&phrase, &things[i].category, knowledge, &mut rng);
-            let expression = Expression { text, meant: Meant::Thing(i), kind: kind.to_owned(), multiple };
-            made.push((kind.to_owned(), expression));
+        let mut phrases = view.describe(i);
+        if !view.rivals[i].is_empty() {
+            phrases.extend(places.describe(i, &mut rng));
+        }
+        phrases.shuffle(&mut rng);
+        let multiple = view.rivals[i].iter().any(|j| things[*j].is_seen());
+        for (kind, phrase) in phrases.into_iter().take(MOST_PER_THING) {
+            let text = view.reword(&phrase, i, knowledge, &mut rng);
+            made.push(Expression { text, meant: Meant::Thing(i), kind: kind.to_owned(), multiple });
         }
     }
-    made.extend(view.absent(knowledge, &mut rng).into_iter().map(|expression| (expression.kind.clone(), expression)));
+    made.extend(view.absent(knowledge, &mut rng));
     for i in (0..things.len()).filter(|i| things[*i].is_seen()) {
         // Said once per name, by its first bearer; two that can be seen leave it open.
-        let seen = view.alike[i].iter().filter(|j| things[**j].category == things[i].category && things[**j].is_seen());
+        let seen =
+            view.rivals[i].iter().filter(|j| things[**j].category == things[i].category && things[**j].is_seen());
         let others: Vec<usize> = seen.copied().collect();
         if others.first().is_some_and(|first| i < *first) {
             let text = format!("the {}", things[i].category);
-            let expression = Expression { text, meant: Meant::Ambiguous, kind: "ambiguous".to_owned(), multiple: true };
-            made.push(("ambiguous".to_owned(), expression));
+            made.push(Expression { text, meant: Meant::Ambiguous, kind: "ambiguous".to_owned(), multiple: true });
         }
     }
     // Not more of one kind than of the others: the rest is left out by lot.
     made.shuffle(&mut rng);
-    made.sort_by(|a, b| a.0.cmp(&b.0));
-    let chosen = made.chunk_by(|a, b| a.0 == b.0).flat_map(|chunk| chunk.iter().take(MOST_PER_KIND));
-    chosen.map(|(_, expression)| expression.clone()).collect()
+    made.sort_by(|a, b| a.kind.cmp(&b.kind));
+    let chosen = made.chunk_by(|a, b| a.kind == b.kind).flat_map(|chunk| chunk.iter().take(MOST_PER_KIND));
+    chosen.cloned().collect()
 }
 
 impl View<'_> {
-    /// Phrases that mean thing `i` and no other, with their kinds. `{}` stands for its name.
+    /// Phrases that tell thing `i` from its rivals by what it is like or the room it is in, with their kinds. `{}` stands
+    /// for its name.
     fn describe(&self, i: usize) -> Vec<(&'static str, String)> {
-        let rivals = &self.alike[i];
-        let mut phrases = Vec::new();
-        if rivals.is_empty() {
-            phrases.push(("name", "the {}".to_owned()));
-        }
+        let rivals = &self.rivals[i];
         // Words that say more than is needed are said of what is alone as well, but tell nothing: left out.
         if rivals.is_empty() {
-            return phrases;
+            return vec![("name", "the {}".to_owned())];
         }
+        let mut phrases = Vec::new();
         let attributes = |j: usize| &self.things[j].attributes;
-        let told = |of: &dyn Fn(usize) -> Option<String>| -> Option<String> {
+        let told = |of: &dyn Fn(usize) -> Option<String>, differ: &dyn Fn(&str, &str) -> bool| -> Option<String> {
             let own = of(i)?;
-            rivals.iter().all(|j| of(*j).is_some_and(|other| other != own)).then_some(own)
+            rivals.iter().all(|j| of(*j).is_some_and(|other| differ(&own, &other))).then_some(own)
         };
         let color = |j: usize| attributes(j).color.clone().filter(|color| color != "multicolored");
-        if let Some(color) = told(&color) {
+        let own_color = told(&color, &differ_in_color);
+        if let Some(color) = &own_color {
             phrases.push(("color", format!("the {color} {{}}")));
         }
         let material = |j: usize| attributes(j).material.clone();
-        if let Some(material) = told(&material) {
+        if let Some(material) = told(&material, &differ_in_material) {
             phrases.push(("material", format!("the {material} {{}}")));
         }
+        // Grain is what makes people say "wooden".
         let pattern = |j: usize| Some(attributes(j).pattern.clone().unwrap_or_else(|| "plain".to_owned()));
-        if let Some(pattern) = told(&pattern).filter(|pattern| pattern != "plain") {
+        if let Some(pattern) =
+            told(&pattern, &|a, b| a != b).filter(|pattern| !matches!(pattern.as_str(), "plain" | "wood grain"))
+        {
             phrases.push(("pattern", format!("the {pattern} {{}}")));
         }
-        // Of all rivals but one colour: "the one that is not red".
-        if let Some(own) = color(i) {
-            let others: Vec<Option<String>> = rivals.iter().map(|j| color(*j)).collect();
-            if let Some(Some(first)) = others.first()
-                && *first != own
-                && others.iter().all(|other| other.as_ref() == Some(first))
-            {
-                phrases.push(("negation", format!("the {{}} that is not {first}")));
-            }
+        // All rivals have one colour: "the one that is not red".
+        let others: Vec<Option<String>> = rivals.iter().map(|j| color(*j)).collect();
+        if let (Some(_), Some(Some(first))) = (&own_color, others.first())
+            && others.iter().all(|other| other.as_ref() == Some(first))
+        {
+            phrases.push(("negation", format!("the {{}} that is not {first}")));
         }
-        let volume = |j: usize| self.boxes[j].size().product().max(1e-9).cbrt();
-        if rivals.iter().all(|j| volume(i) > LARGER.cbrt() * volume(*j)) {
+        let beats =
+            |first: f64, second: f64, factor: f64, least: f64| first > factor * second && first > second + least;
+        let volume = |j: usize| self.boxes[j].size().product().max(1e-9);
+        let height = |j: usize| self.boxes[j].size().z;
+        let place = |j: usize| self.boxes[j].center().z;
+        let all = |holds: &dyn Fn(usize) -> bool| rivals.iter().all(|j| holds(*j));
+        if all(&|j| beats(volume(i), volume(j), LARGER, 0.0)) {
             phrases.push(("size", "the largest {}".to_owned()));
-        } else if rivals.iter().all(|j| LARGER.cbrt() * volume(i) < volume(*j)) {
+        } else if all(&|j| beats(volume(j), volume(i), LARGER, 0.0)) {
             phrases.push(("size", "the smallest {}".to_owned()));
+        } else if all(&|j| beats(height(i), height(j), TALLER, TALLER_M)) {
+            phrases.push(("size", "the tallest {}".to_owned()));
+        }
+        if all(&|j| place(i) > place(j) + HIGHER_M) {
+            phrases.push(("height", "the highest {}".to_owned()));
+        } else if all(&|j| place(i) + HIGHER_M < place(j)) {
+            phrases.push(("height", "the lowest {}".to_owned()));
         }
         if let Some(room) = self.room_of(i).filter(|room| rivals.iter().all(|j| self.room_of(*j) != Some(room))) {
             phrases.push(("room", format!("the {{}} in the {room}")));
         }
-        phrases.extend(self.relate(i));
-        phrases
-    }
-
-    fn relate(&self, i: usize) -> Vec<(&'static str, String)> {
-        let rivals = &self.alike[i];
-        let mut phrases = Vec::new();
-        let anchors = (0..self.things.len()).filter(|a| *a != i && !rivals.contains(a) && self.things[*a].is_seen());
-        for a in anchors {
-            let name = &self.things[a].category;
-            // Every bearer of the anchor's name counts: "on a table" must hold of no rival at any table.
-            let bearers: Vec<usize> = [vec![a], self.alike[a].clone()].concat();
-            let only = |holds: &dyn Fn(usize, usize) -> bool, apart: &dyn Fn(usize, usize) -> bool| {
-                holds(i, a) && rivals.iter().all(|j| bearers.iter().all(|b| apart(*j, *b)))
-            };
-            let on = |j: usize, b: usize| self.rests_on(j, b);
-            if only(&on, &|j, b| !self.nearly_on(j, b)) {
-                phrases.push(("on", format!("the {{}} on the {name}")));
-            }
-            if only(&|j, b| self.is_under(j, b), &|j, b| !self.is_under(j, b)) {
-                phrases.push(("under", format!("the {{}} under the {name}")));
-            }
-            let gap = |j: usize, b: usize| self.gap_m(j, b);
-            let level = !self.nearly_on(i, a) && !self.nearly_on(a, i);
-            if level && only(&|j, b| gap(j, b) < BESIDE_M, &|j, b| gap(j, b) > APART_M) {
-                phrases.push(("next_to", format!("the {{}} next to the {name}")));
-            } else if bearers.len() == 1 && rivals.iter().all(|j| gap(i, a) + CLOSER_M < gap(*j, a)) && gap(i, a) < 3.0
-            {
-                phrases.push(("closest", format!("the {{}} closest to the {name}")));
-            }
-        }
-        phrases.truncate(4);
         phrases
     }
 
@@ -188,33 +178,6 @@ impl View<'_> {
         let place = self.boxes[i].center().xy();
         let room = self.truth.rooms.iter().find(|room| contains(&room.polygon, &place))?;
         Some(room.name.as_str())
-    }
-
-    fn gap_m(&self, a: usize, b: usize) -> f64 {
-        let (a, b) = (&self.boxes[a], &self.boxes[b]);
-        let side = |k: usize| (a.min[k] - b.max[k]).max(b.min[k] - a.max[k]).max(0.0);
-        side(0).hypot(side(1)).hypot(side(2))
-    }
-
-    /// Its middle is over the other, and its lower end at the other's top or within its height when that is a shelf.
-    fn rests_on(&self, a: usize, b: usize) -> bool {
-        let (own, support) = (&self.boxes[a], &self.boxes[b]);
-        let middle = own.center();
-        let over = (0..2).all(|k| middle[k] > support.min[k] && middle[k] < support.max[k]);
-        over && (own.min.z - support.max.z).abs() < 0.05
-    }
-
-    fn nearly_on(&self, a: usize, b: usize) -> bool {
-        let (own, support) = (&self.boxes[a], &self.boxes[b]);
-        let near = (0..2).all(|k| own.max[k] > support.min[k] - 0.1 && own.min[k] < support.max[k] + 0.1);
-        near && own.min.z > support.min.z + 0.05 && own.min.z < support.max.z + 0.2
-    }
-
-    fn is_under(&self, a: usize, b: usize) -> bool {
-        let (own, roof) = (&self.boxes[a], &self.boxes[b]);
-        let middle = own.center();
-        let below = (0..2).all(|k| middle[k] > roof.min[k] && middle[k] < roof.max[k]);
-        below && own.max.z < roof.max.z - 0.05 && own.min.z < roof.min.z + 0.1
     }
 
     /// Names that nothing bears, and colours and places that no bearer of a name has.
@@ -235,64 +198,103 @@ impl View<'_> {
         let mut seen: Vec<usize> = (0..self.things.len()).filter(|i| self.things[*i].is_seen()).collect();
         seen.shuffle(rng);
         for i in seen.into_iter().take(12) {
-            let bearers: Vec<usize> = [vec![i], self.alike[i].clone()].concat();
+            let bearers: Vec<usize> = [vec![i], self.rivals[i].clone()].concat();
             let known: Vec<Option<&String>> =
                 bearers.iter().map(|j| self.things[*j].attributes.color.as_ref()).collect();
             let color = colors[rng.random_range(0..colors.len())];
-            let unlike = |other: &Option<&String>| other.is_some_and(|other| far_apart(color, other));
+            let unlike = |other: &Option<&String>| other.is_some_and(|other| differ_in_color(color, other));
             if known.iter().all(unlike) && made.len() < MOST_PER_KIND {
                 made.push(absent(format!("the {color} {}", self.things[i].category), bearers.len() > 1));
             }
         }
         made
     }
+    /// One of several wordings; one in four says a synonym of the name that can be said of nothing else.
+    fn reword(&self, phrase: &str, i: usize, knowledge: &Knowledge, rng: &mut ChaCha8Rng) -> String {
+        let category = self.things[i].category.as_str();
+        let strange = |j: &usize| *j != i && !self.rivals[i].contains(j);
+        let means_it = |synonym: &&String| {
+            let others = (0..self.things.len()).filter(strange);
+            knowledge.similarity(synonym, category) >= 0.99
+                && others.into_iter().all(|j| knowledge.similarity(synonym, &self.things[j].category) < SAME_NAME)
+        };
+        let synonyms: Vec<&String> = match knowledge.find_exact(category) {
+            Some(known) => known.synonyms.iter().take(2).filter(means_it).collect(),
+            None => Vec::new(),
+        };
+        let name = match synonyms.len() {
+            0 => category,
+            count if rng.random_bool(0.25) => synonyms[rng.random_range(0..count)].as_str(),
+            _ => category,
+        };
+        let said = phrase.replace("{}", name);
+        let found = WORDINGS.iter().find(|(plain, _)| said.contains(plain));
+        let worded = match found {
+            Some((plain, ways)) => said.replacen(plain, ways[rng.random_range(0..ways.len())], 1),
+            None => said,
+        };
+        let openings = ["", "", "find ", "please find ", "grasp ", "where is "];
+        format!("{}{worded}", openings[rng.random_range(0..openings.len())])
+    }
 }
 
-/// Colours that nobody takes for each other.
-fn far_apart(a: &str, b: &str) -> bool {
-    const NEIGHBOURS: [(&str, &[&str]); 6] = [
-        ("red", &["red", "orange", "pink", "brown", "purple", "multicolored"]),
-        ("green", &["green", "cyan", "yellow", "teal", "multicolored"]),
-        ("blue", &["blue", "cyan", "purple", "black", "gray", "multicolored"]),
-        ("yellow", &["yellow", "orange", "beige", "green", "brown", "white", "multicolored"]),
-        ("purple", &["purple", "pink", "blue", "red", "black", "multicolored"]),
-        ("black", &["black", "gray", "brown", "blue", "purple", "green", "multicolored"]),
+/// Ways to say the same.
+const WORDINGS: [(&str, &[&str]); 10] = [
+    (" with the ", &[" with the ", " that has the "]),
+    (" on the ", &[" on the ", " that is on the ", " on top of the ", " lying on the "]),
+    (" under the ", &[" under the ", " beneath the ", " that is under the "]),
+    (" above the ", &[" above the ", " that is above the ", " over the "]),
+    (" next to the ", &[" next to the ", " beside the ", " that stands next to the "]),
+    (" closest to the ", &[" closest to the ", " nearest to the ", " that is closest to the "]),
+    (" farthest from the ", &[" farthest from the ", " that is farthest from the ", " furthest from the "]),
+    (" between the ", &[" between the ", " that is between the ", " in between the "]),
+    (" of the ", &[" of the "]),
+    (" in the ", &[" in the ", " that is in the ", " inside the "]),
+];
+
+/// Colours that nobody takes for each other, whatever the light.
+fn differ_in_color(a: &str, b: &str) -> bool {
+    /// Neighbours among the basic colour words.
+    const NEIGHBOURS: [(&str, &[&str]); 13] = [
+        ("red", &["orange", "pink", "brown", "purple"]),
+        ("orange", &["red", "yellow", "brown", "pink", "beige"]),
+        ("yellow", &["orange", "beige", "green", "brown", "white"]),
+        ("green", &["yellow", "cyan", "black", "gray"]),
+        ("cyan", &["green", "blue"]),
+        ("blue", &["cyan", "purple", "black", "gray"]),
+        ("purple", &["blue", "pink", "red", "black"]),
+        ("pink", &["purple", "red", "orange", "beige"]),
+        ("brown", &["red", "orange", "yellow", "black", "beige", "gray"]),
+        ("beige", &["white", "yellow", "brown", "gray", "orange", "pink"]),
+        ("white", &["beige", "gray", "yellow"]),
+        ("gray", &["white", "black", "blue", "brown", "beige", "green"]),
+        ("black", &["gray", "brown", "blue", "purple", "green"]),
     ];
-    NEIGHBOURS.iter().find(|(color, _)| *color == a).is_some_and(|(_, near)| !near.contains(&b))
+    let near = NEIGHBOURS.iter().find(|(color, _)| *color == a).map(|(_, near)| near);
+    near.is_some_and(|near| a != b && !near.contains(&b) && NEIGHBOURS.iter().any(|(color, _)| *color == b))
 }
 
-/// One of several wordings; one in four says a synonym of the name.
-fn reword(phrase: &str, category: &str, knowledge: &Knowledge, rng: &mut ChaCha8Rng) -> String {
-    let synonyms = knowledge.find_exact(category).map_or(&[][..], |category| &category.synonyms);
-    let name = match synonyms.len() {
-        0 => category,
-        count if rng.random_bool(0.25) => synonyms[rng.random_range(0..count.min(2))].as_str(),
-        _ => category,
-    };
-    let said = phrase.replace("{}", name);
-    let variants: &[(&str, &[&str])] = &[
-        (" on the ", &[" on the ", " that is on the ", " on top of the ", " lying on the "]),
-        (" under the ", &[" under the ", " beneath the ", " that is under the "]),
-        (" next to the ", &[" next to the ", " beside the ", " that stands next to the "]),
-        (" closest to the ", &[" closest to the ", " nearest to the ", " that is closest to the "]),
-        (" in the ", &[" in the ", " that is in the "]),
+/// Materials that one tells apart by looking: painted plastic, ceramic and stone may look the same, metal and wood do not.
+fn differ_in_material(a: &str, b: &str) -> bool {
+    /// What may look the same; everything else differs.
+    const SIMILAR: [&[&str]; 5] = [
+        &["plastic", "ceramic", "rubber", "stone", "foam", "organic"],
+        &["plastic", "glass"],
+        &["paper", "cardboard", "plastic", "fabric"],
+        &["fabric", "leather", "foam", "rubber"],
+        &["wood", "wicker", "cardboard", "organic"],
     ];
-    let found = variants.iter().find(|(plain, _)| said.contains(plain));
-    let worded = match found {
-        Some((plain, ways)) => said.replacen(plain, ways[rng.random_range(0..ways.len())], 1),
-        None => said,
-    };
-    let openings = ["", "", "find ", "please find ", "grasp ", "where is "];
-    format!("{}{worded}", openings[rng.random_range(0..openings.len())])
+    a != b && SIMILAR.iter().all(|group| !(group.contains(&a) && group.contains(&b)))
 }
 
 #[cfg(test)]
 mod tests {
     //! Contract: expressions are true of what they mean and of nothing else, and the same seed gives the same ones.
     use super::*;
-    use crate::eval::TrueAttributes;
+    use crate::eval::{SurfacePoint, TrueAttributes};
     use crate::geometry::OrientedBox;
     use nalgebra::Point3;
+    use std::collections::BTreeSet;
 
     fn thing(category: &str, color: &str, center: [f64; 3], size: [f64; 3]) -> TrueThing {
         let half = nalgebra::Vector3::from(size) * 0.5;
@@ -302,9 +304,25 @@ mod tests {
             category: category.to_owned(),
             attributes,
             bounds: OrientedBox::from(bounds),
-            points: Vec::new(),
+            points: surface_of(&bounds),
             frames_seen: 9,
         }
+    }
+
+    /// The faces of a box.
+    fn surface_of(bounds: &Aabb) -> Vec<SurfacePoint> {
+        let mut points = Vec::new();
+        for (axis, sign) in (0..3).flat_map(|axis| [(axis, -1.0), (axis, 1.0)]) {
+            for (i, j) in (0..=20).flat_map(|i| (0..=20).map(move |j| (f64::from(i) / 20.0, f64::from(j) / 20.0))) {
+                let mut share = nalgebra::Vector3::repeat(if sign > 0.0 { 1.0 } else { 0.0 });
+                (share[(axis + 1) % 3], share[(axis + 2) % 3]) = (i, j);
+                let position = (bounds.min + share.component_mul(&bounds.size())).cast();
+                let mut normal = nalgebra::Vector3::zeros();
+                normal[axis] = sign as f32;
+                points.push(SurfacePoint { position, normal, area_m2: 0.001, seen: true });
+            }
+        }
+        points
     }
 
     fn scene() -> TrueScene {
@@ -323,16 +341,20 @@ mod tests {
     #[test]
     fn what_tells_things_apart_is_said() {
         let knowledge = Knowledge::embedded().unwrap();
-        let made = make_expressions(&scene(), &knowledge, 1);
-        assert_eq!(made, make_expressions(&scene(), &knowledge, 1));
-        let kinds_of =
-            |meant: Meant| -> Vec<&str> { made.iter().filter(|e| e.meant == meant).map(|e| e.kind.as_str()).collect() };
-        for kind in ["color", "negation", "on"] {
+        assert_eq!(make_expressions(&scene(), &knowledge, 1), make_expressions(&scene(), &knowledge, 1));
+        // Which of all that can be said is said goes by lot.
+        let made: Vec<Expression> = (0..20).flat_map(|seed| make_expressions(&scene(), &knowledge, seed)).collect();
+        let kinds_of = |meant: Meant| -> BTreeSet<&str> {
+            made.iter().filter(|e| e.meant == meant).map(|e| e.kind.as_str()).collect()
+        };
+        for kind in ["color", "negation", "on", "height", "farthest"] {
             assert!(kinds_of(Meant::Thing(1)).contains(&kind), "{kind}: {made:#?}");
         }
+        let of_one = |meant| make_expressions(&scene(), &knowledge, 3).iter().filter(|e| e.meant == meant).count();
+        assert!(of_one(Meant::Thing(1)) <= MOST_PER_THING);
         assert!(!kinds_of(Meant::Thing(2)).contains(&"on"), "{made:#?}");
-        assert_eq!(kinds_of(Meant::Thing(0)), ["name"]);
-        assert_eq!(kinds_of(Meant::Ambiguous), ["ambiguous"]);
+        assert_eq!(kinds_of(Meant::Thing(0)), BTreeSet::from(["name"]));
+        assert_eq!(kinds_of(Meant::Ambiguous), BTreeSet::from(["ambiguous"]));
         assert!(!kinds_of(Meant::Absent).is_empty());
         for absent in made.iter().filter(|e| e.meant == Meant::Absent) {
             assert!(!["the red mug", "the blue mug", "the table"].contains(&absent.text.as_str()), "{}", absent.text);

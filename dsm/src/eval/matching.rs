@@ -69,6 +69,14 @@ impl Matching {
             _ => None,
         }
     }
+
+    /// The thing that an object shows: the one it was assigned to, or of which it is another copy or a fragment.
+    pub fn find_shown(&self, id: ObjectId) -> Option<usize> {
+        match self.verdicts.get(&id) {
+            Some(Verdict::Matched(thing) | Verdict::Duplicate(thing)) => Some(*thing),
+            _ => None,
+        }
+    }
 }
 
 /// Picks at most `wanted` items, evenly.

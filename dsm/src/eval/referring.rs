@@ -3,7 +3,8 @@
 use super::expressions::{Expression, Meant};
 use super::matching::{Matching, match_objects};
 use super::scene::TrueScene;
-use super::statistics::{Estimate, Share};
+use super::score::MapScore;
+use super::statistics::{Estimate, Share, compare, pool};
 use crate::ground::{Grounder, GroundingStatus};
 use crate::map::Map;
 use serde::{Deserialize, Serialize};
@@ -30,7 +31,8 @@ pub struct Answered {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct GroundingReport {
     /// Rates with intervals by name: `right`, `acc_25`, `acc_50` with `/unique`, `/multiple`, `/KIND`; `absent_refused`,
-    /// `present_refused`, `ambiguous_said`, and `mapped`, the share of the meant things that have an object.
+    /// `present_refused`, `ambiguous_said`, and `mapped`, the share of the meant things that have an object; `_of_mapped`
+    /// for those alone.
     pub estimates: BTreeMap<String, Estimate>,
 }
 
@@ -51,7 +53,7 @@ fn answer(map: &Map, truth: &TrueScene, matching: &Matching, expression: &Expres
     if let Meant::Thing(thing) = expression.meant {
         mapped = matching.object_of[thing].is_some();
         if let Some(object) = grounding.object_id.and_then(|id| map.find_object(id)) {
-            right = matching.find_thing(object.id) == Some(thing);
+            right = matching.find_shown(object.id) == Some(thing);
             iou = object.bounds.aabb().iou(&truth.objects[thing].bounds.aabb());
         }
     }
@@ -65,8 +67,29 @@ fn answer(map: &Map, truth: &TrueScene, matching: &Matching, expression: &Expres
     }
 }
 
-/// Rates over answers.
-pub fn pool_answers<'a>(answers: impl IntoIterator<Item = &'a Answered>) -> GroundingReport {
+/// Rates over the answers of several runs, each with the name of its scene. Intervals take the scenes, not the
+/// expressions in them, for independent.
+pub fn pool_answers(runs: &[(&str, &[Answered])]) -> GroundingReport {
+    let scores = count(runs);
+    GroundingReport { estimates: pool(&with_names(runs, &scores)).estimates }
+}
+
+/// How much larger each rate is with the first answers than with the second ones, which are to the same expressions.
+pub fn compare_answers(runs: &[(&str, &[Answered])], others: &[(&str, &[Answered])]) -> GroundingReport {
+    let (scores, other_scores) = (count(runs), count(others));
+    GroundingReport { estimates: compare(&with_names(runs, &scores), &with_names(others, &other_scores)) }
+}
+
+fn with_names<'a>(runs: &[(&'a str, &[Answered])], scores: &'a [MapScore]) -> Vec<(&'a str, &'a MapScore)> {
+    runs.iter().zip(scores).map(|((scene, _), score)| (*scene, score)).collect()
+}
+
+fn count(runs: &[(&str, &[Answered])]) -> Vec<MapScore> {
+    let one = |(_, answers): &(&str, &[Answered])| MapScore { shares: count_answers(answers), ..MapScore::default() };
+    runs.iter().map(one).collect()
+}
+
+fn count_answers(answers: &[Answered]) -> BTreeMap<String, Share> {
     let mut shares: BTreeMap<String, Share> = BTreeMap::new();
     let mut add = |name: String, hit: bool| shares.entry(name).or_default().add(hit);
     for answered in answers {
@@ -89,9 +112,10 @@ pub fn pool_answers<'a>(answers: impl IntoIterator<Item = &'a Answered>) -> Grou
                 add(format!("right/{}", expression.kind), answered.right);
                 if answered.mapped {
                     add("right_of_mapped".into(), answered.right);
+                    add("present_refused_of_mapped".into(), refused);
                 }
             }
         }
     }
-    GroundingReport { estimates: shares.into_iter().map(|(name, share)| (name, share.estimate())).collect() }
+    shares
 }

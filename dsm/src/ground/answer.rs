@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub enum GroundingStatus {
     /// One thing fits clearly best.
     Found,
-    /// Several fit about equally well.
+    /// Several fit about equally well, or the best fits in all but what the map may have misread.
     Ambiguous,
     /// Nothing in the map fits.
     Absent,

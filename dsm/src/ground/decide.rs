@@ -4,6 +4,7 @@ use super::answer::{Candidate, Grounding, GroundingStatus, ReferenceFrame};
 use super::config::GroundConfig;
 use super::filter::Evaluation;
 use super::query::Query;
+use super::referring::Kind;
 use super::rooms::RoomFactor;
 use super::verify::Verdict;
 use crate::map::{ObjectId, RoomId};
@@ -20,6 +21,8 @@ pub(super) struct Choice {
     pub(super) score: f32,
     /// Constraints in words with their scores, in order of the query.
     pub(super) constraints: Vec<(String, f32)>,
+    /// Which of the constraints the map may have misread, so that they cannot refuse; those beyond its end can.
+    pub(super) unsure: Vec<bool>,
     /// Items that were chosen as anchors.
     pub(super) anchors: Vec<usize>,
 }
@@ -42,6 +45,19 @@ impl Choice {
     fn worst(&self) -> Option<&(String, f32)> {
         self.constraints.iter().min_by(|a, b| a.1.total_cmp(&b.1))
     }
+
+    /// The worst of the constraints that the map is sure of.
+    fn worst_sure(&self) -> Option<&(String, f32)> {
+        let sure = |i: usize| !self.unsure.get(i).copied().unwrap_or(false);
+        let constraints = self.constraints.iter().enumerate().filter(|(i, _)| sure(*i));
+        constraints.map(|(_, constraint)| constraint).min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// Whether the map misreads this so often that it cannot refuse: it tells three materials in five and five patterns in
+/// six, but nine colours in ten.
+fn is_unsure(kind: Kind) -> bool {
+    matches!(kind, Kind::Material | Kind::Pattern)
 }
 
 /// Best first; ties by index.
@@ -58,6 +74,7 @@ pub(super) fn best_choices(evaluation: &Evaluation, top_k: usize) -> Vec<Choice>
         index,
         score: evaluation.total[index],
         constraints: evaluation.factors.iter().map(|f| (f.label.clone(), f.scores[index])).collect(),
+        unsure: evaluation.factors.iter().map(|f| is_unsure(f.kind)).collect(),
         anchors: evaluation.factors.iter().filter_map(|f| f.anchors[index]).collect(),
     };
     order.into_iter().map(choice).collect()
@@ -67,7 +84,13 @@ pub(super) fn best_choices(evaluation: &Evaluation, top_k: usize) -> Vec<Choice>
 pub(super) fn best_rooms(factors: &[RoomFactor], rooms: usize) -> Vec<Choice> {
     let choice = |index: usize| {
         let constraints: Vec<(String, f32)> = factors.iter().map(|f| (f.label.clone(), f.scores[index])).collect();
-        Choice { index, score: constraints.iter().map(|c| c.1).product(), constraints, anchors: Vec::new() }
+        Choice {
+            index,
+            score: constraints.iter().map(|c| c.1).product(),
+            constraints,
+            unsure: Vec::new(),
+            anchors: Vec::new(),
+        }
     };
     let mut choices: Vec<Choice> = (0..rooms).map(choice).collect();
     sort(&mut choices);
@@ -85,8 +108,12 @@ pub(super) fn settle(
     let absent = |decided_by: String| Settled { status: GroundingStatus::Absent, winner: 0, decided_by };
     let Some(best) = choices.first() else { return absent("nothing in the map has a name like this".to_owned()) };
     let violated_below = if config.presume_present { 0.0 } else { config.violated_below };
-    if let Some((label, score)) = best.worst().filter(|(_, score)| *score < violated_below) {
+    if let Some((label, score)) = best.worst_sure().filter(|(_, score)| *score < violated_below) {
         return absent(format!("no candidate fits: {label} ({score:.2} for the best)"));
+    }
+    if let Some((label, score)) = best.worst().filter(|(_, score)| *score < violated_below) {
+        let decided_by = format!("the best fits in all but what may be misread: {label} ({score:.2})");
+        return Settled { status: GroundingStatus::Ambiguous, winner: 0, decided_by };
     }
     let fits = |choice: &&Choice| choice.worst().is_none_or(|(_, score)| *score >= violated_below);
     let rivals = choices.iter().take_while(|c| c.score >= config.rival_share * best.score).filter(fits).count();

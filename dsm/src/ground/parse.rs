@@ -334,6 +334,12 @@ impl Parser<'_> {
             return;
         }
         let start = self.at;
+        if let Some(words) = self.joined_by_of(head) {
+            entity.noun = Noun::Thing(self.tokens[start - 1..start + words].join(" "));
+            self.known_words += 1;
+            self.at += words;
+            return;
+        }
         // "one of the apples": any of them, unless more is said ("the largest one of the apples").
         let any_of = self.tokens[start - 1] == "one" && entity.selections.is_empty() && entity.attributes.is_empty();
         self.at += 1;
@@ -363,5 +369,13 @@ impl Parser<'_> {
         if self.at <= start + 1 {
             self.at = start + 1;
         }
+    }
+    /// Number of words from "of" on that make one name with the word before: "chest of drawers", "loaf of bread".
+    fn joined_by_of(&self, head: &Head) -> Option<usize> {
+        let before = self.at.checked_sub(1).filter(|_| matches!(head.noun, Noun::Thing(_)))?;
+        let name = |words: usize| self.tokens.get(before..self.at + words).map(|tokens| tokens.join(" "));
+        let known =
+            |name: &String| self.names.contain(name) || !self.lenient && self.knowledge.find_exact(name).is_some();
+        [3, 2].into_iter().find(|words| name(*words).as_ref().is_some_and(known))
     }
 }

@@ -104,6 +104,8 @@ pub(super) fn literal_noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Kn
     scores
 }
 
+/// What a pattern without a name counts when a certain one is asked for.
+const UNNAMED_PATTERN: f32 = 0.7;
 /// What a material counts that another one outvotes.
 const OUTVOTED: f32 = 0.5;
 /// Fit of a name that differs from what was said in number or spacing only.
@@ -147,9 +149,23 @@ pub(super) fn attribute_scores(
         }
     };
     match term.negated {
+        true if term.kind == AttributeWord::Color => {
+            // "Not white" is true of what is gray, however near it lies.
+            let one = |(item, score): (&Item<'_>, f32)| {
+                let share = color_share(item, &term.word, knowledge).map_or(score, |share| share / FULL_SHARE);
+                (1.0 - share).max(CONTRADICTED)
+            };
+            scene.items.iter().zip(scores).map(one).collect()
+        }
         true => scores.into_iter().map(|score: f32| (1.0 - score).max(CONTRADICTED)).collect(),
         false => scores,
     }
+}
+
+/// The share of votes for this very colour; `None` without votes.
+fn color_share(item: &Item<'_>, asked: &str, knowledge: &Knowledge) -> Option<f32> {
+    let votes = item.object.attributes.find_votes(AttributeKind::Appearance, "color")?;
+    (votes.total() > 0.0).then(|| canonical_share(votes, asked, |word| knowledge.words().colors.find(word)))
 }
 
 fn attribute_score(item: &Item<'_>, term: &AttributeTerm, knowledge: &Knowledge) -> f32 {
@@ -169,7 +185,16 @@ fn attribute_score(item: &Item<'_>, term: &AttributeTerm, knowledge: &Knowledge)
             None => category().map_or(UNKNOWN, |category| prior(&category.materials, &term.word)),
         },
         AttributeWord::Pattern => match votes(AttributeKind::Appearance, "pattern") {
-            Some(votes) => saturated(canonical_share(votes, &term.word, |w| knowledge.words().patterns.find(w)), 0.4),
+            Some(votes) => {
+                let share = |word: &str| canonical_share(votes, word, |w| knowledge.words().patterns.find(w));
+                // A pattern that nobody could name may be any of them, and each of them is one.
+                let some = match term.word.as_str() {
+                    "plain" => 0.0,
+                    "patterned" => 1.0 - share("plain") - share("patterned"),
+                    _ => UNNAMED_PATTERN * share("patterned"),
+                };
+                saturated(share(&term.word) + some, 0.4)
+            }
             None => UNKNOWN,
         },
         AttributeWord::Weight => match votes(AttributeKind::Physical, "weight") {

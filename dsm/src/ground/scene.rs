@@ -160,13 +160,30 @@ impl<'a> Scene<'a> {
         let [low, high] =
             [-REACH_M, REACH_M].map(|reach| floor.cell_at(&Point2::new(place.x + reach, place.y + reach)));
         let cells = (low[1]..=high[1]).flat_map(|y| (low[0]..=high[0]).map(move |x| [x, y]));
-        let free = cells.filter(|cell| floor.state(*cell) == CellState::Free).map(|cell| floor.center_of(cell) - place);
+        // The floor behind the wall is another room's.
+        let room = self.find_room_at(place);
+        let own = |at: &Point2<f64>| room.is_none_or(|room| polygon_contains(&room.polygon, at));
+        let free = cells.filter(|cell| floor.state(*cell) == CellState::Free).map(|cell| floor.center_of(cell));
+        let free = free.filter(own).map(|at| at - place);
         let (mut sum, mut count) = (Vector2::zeros(), 0_usize);
         for offset in free.filter(|offset| (0.05..REACH_M).contains(&offset.norm())) {
             sum += offset.normalize();
             count += 1;
         }
         (count >= MIN_CELLS && sum.norm() > ONE_SIDED * count as f64).then(|| sum.normalize())
+    }
+
+    /// The room around a place or, for what hangs on a wall, beside it.
+    fn find_room_at(&self, place: Point2<f64>) -> Option<&'a Room> {
+        /// Half of what is deepest on a wall, metres.
+        const REACH_M: f64 = 0.3;
+        let rooms = &self.map.rooms;
+        let around = rooms.iter().find(|room| polygon_contains(&room.polygon, &place));
+        around.or_else(|| {
+            let away = rooms.iter().map(|room| (polygon_distance_m(&room.polygon, &place), room));
+            let nearest = away.filter(|(away_m, _)| *away_m < REACH_M).min_by(|a, b| a.0.total_cmp(&b.0));
+            nearest.map(|(_, room)| room)
+        })
     }
 
     /// The room an object stands in: as the map says, else by its outline.

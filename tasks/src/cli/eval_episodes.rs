@@ -8,7 +8,9 @@ use crate::error::TaskError;
 use crate::run::RunSpec;
 use crate::survey::{Condition, map_drive};
 use dsm::build::BuildConfig;
-use dsm::eval::{Answered, GroundingReport, answer_expressions, make_expressions, pool_answers};
+use dsm::eval::{
+    Answered, Estimate, GroundingReport, answer_expressions, compare_answers, make_expressions, pool_answers,
+};
 use dsm::ground::{GroundConfig, Grounder};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde::Serialize;
@@ -18,7 +20,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Version of the report.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// Arguments of `dsm eval episodes-grounding`.
 #[derive(Debug, clap::Args)]
@@ -48,6 +50,8 @@ struct Report {
     maps: usize,
     /// Rates by row: `full`, and the ablations.
     rows: BTreeMap<String, GroundingReport>,
+    /// How much higher each rate of `full` is than the row's, over the same expressions.
+    gains: BTreeMap<String, GroundingReport>,
     /// Every answer of the full row, by scene and seed.
     answers: BTreeMap<String, Vec<Answered>>,
 }
@@ -76,7 +80,7 @@ pub(super) fn run(args: EpisodesArgs) -> anyhow::Result<u8> {
     }
     let drives = args.drives.prepare()?;
     let interrupted = catch_interrupt()?;
-    let mut answers: BTreeMap<&'static str, Vec<Answered>> = BTreeMap::new();
+    let mut answers: BTreeMap<&'static str, Vec<(&str, Vec<Answered>)>> = BTreeMap::new();
     let mut listed = BTreeMap::new();
     let bar = ProgressBar::with_draw_target(Some(drives.specs.len() as u64), ProgressDrawTarget::stderr());
     for spec in &drives.specs {
@@ -88,18 +92,25 @@ pub(super) fn run(args: EpisodesArgs) -> anyhow::Result<u8> {
             if row == "full" {
                 listed.insert(format!("{}-{}", spec.name, spec.seed), of_row.clone());
             }
-            answers.entry(row).or_default().extend(of_row);
+            answers.entry(row).or_default().push((spec.name.as_str(), of_row));
         }
         bar.inc(1);
     }
     bar.finish_and_clear();
+    let by_row: BTreeMap<&str, Vec<(&str, &[Answered])>> = answers
+        .iter()
+        .map(|(row, runs)| (*row, runs.iter().map(|(scene, answers)| (*scene, answers.as_slice())).collect()))
+        .collect();
+    let full = by_row.get("full").map_or(&[][..], Vec::as_slice);
+    let ablated = by_row.iter().filter(|(row, _)| **row != "full");
     let report = Report {
         schema: SCHEMA,
         tier: "own map",
         perception: drives.perception.clone(),
         pose_noise_cm: args.pose_noise_cm,
         maps: drives.specs.len(),
-        rows: answers.iter().map(|(row, answers)| ((*row).to_owned(), pool_answers(answers))).collect(),
+        rows: by_row.iter().map(|(row, runs)| ((*row).to_owned(), pool_answers(runs))).collect(),
+        gains: ablated.map(|(row, runs)| ((*row).to_owned(), compare_answers(full, runs))).collect(),
         answers: listed,
     };
     Output::new(args.result).give(&report, || describe(&report, args.failures))?;
@@ -130,12 +141,20 @@ fn ground_drive(
 
 fn describe(report: &Report, failures: bool) -> String {
     let mut text = format!("tier: {}, {} maps, pose noise {} cm\n", report.tier, report.maps, report.pose_noise_cm);
+    let line = |name: &str, estimate: &Estimate| {
+        let interval = estimate.interval.map_or(String::new(), |[low, high]| format!("[{low:.4}, {high:.4}]"));
+        let (value, count, scenes) = (estimate.value, estimate.count, estimate.scenes);
+        format!("  {name:<26} {value:>8.4}  {interval:>18}  {count:>6} in {scenes} scenes\n")
+    };
     for (row, table) in &report.rows {
         let _ = writeln!(text, "{row}");
-        for (name, estimate) in &table.estimates {
-            let interval = estimate.interval.map_or(String::new(), |[low, high]| format!("[{low:.4}, {high:.4}]"));
-            let _ = writeln!(text, "  {name:<22} {:>8.4}  {interval:>18}  {:>6}", estimate.value, estimate.count);
-        }
+        table.estimates.iter().for_each(|(name, estimate)| text.push_str(&line(name, estimate)));
+    }
+    for (row, table) in &report.gains {
+        let _ = writeln!(text, "full against {row}: how much higher");
+        let said = |name: &str| ["right", "right/multiple", "right/unique", "absent_refused"].contains(&name);
+        let gains = table.estimates.iter().filter(|(name, _)| said(name));
+        gains.for_each(|(name, estimate)| text.push_str(&line(name, estimate)));
     }
     let wrong = |answered: &&Answered| match answered.expression.meant {
         dsm::eval::Meant::Thing(_) => !answered.right,

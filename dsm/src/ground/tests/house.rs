@@ -54,6 +54,11 @@ impl Thing {
         self
     }
 
+    pub(super) fn pattern(mut self, pattern: &str) -> Self {
+        self.0.attributes.add(AttributeKind::Appearance, "pattern", pattern, 8.0);
+        self
+    }
+
     pub(super) fn in_room(mut self, room: u32) -> Self {
         self.0.room = Some(RoomId(room));
         self

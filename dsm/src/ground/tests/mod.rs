@@ -3,5 +3,6 @@
 
 mod cases;
 mod commands;
+mod hostile;
 pub(super) mod house;
 mod robustness;
