@@ -20,8 +20,9 @@ use serde::{Deserialize, Serialize};
 const SAME_NAME: f32 = 0.75;
 /// What is absent has no name this much like that of anything there.
 const ALIKE: f32 = 0.5;
-/// The largest is larger than the next by at least this factor in volume.
-const LARGER: f64 = 1.6;
+/// The largest is larger than the next by at least this factor in volume: a quarter longer on every side, which one sees from
+/// afar.
+const LARGER: f64 = 2.0;
 /// The tallest is taller than the next by at least this factor, of at least [`TALLER_M`].
 const TALLER: f64 = 1.25;
 /// Least difference of heights that is said, metres.

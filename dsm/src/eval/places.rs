@@ -176,7 +176,10 @@ impl Places<'_> {
         let (middle, height) = (own.center(), own.size().z);
         let support = &self.boxes[b];
         let over = (0..2).all(|k| middle[k] > support.min[k] && middle[k] < support.max[k]);
-        if !over || own.min.z < support.min.z - 0.005 {
+        // A counter does not rest on its plate.
+        let footprint_m2 = |k: usize| self.truth.objects[k].bounds.size.xy().product();
+        let larger = footprint_m2(b) > COVERED * footprint_m2(i);
+        if !over || !larger || own.min.z < support.min.z - 0.005 {
             return Contact::None;
         }
         // Walls reach up beside it; flat things lie on what only looks like a rim.

@@ -4,7 +4,6 @@ use super::answer::{Candidate, Grounding, GroundingStatus, ReferenceFrame};
 use super::config::GroundConfig;
 use super::filter::Evaluation;
 use super::query::Query;
-use super::referring::Kind;
 use super::rooms::RoomFactor;
 use super::verify::Verdict;
 use crate::map::{ObjectId, RoomId};
@@ -54,12 +53,6 @@ impl Choice {
     }
 }
 
-/// Whether the map misreads this so often that it cannot refuse: it tells three materials in five and five patterns in
-/// six, but nine colours in ten.
-fn is_unsure(kind: Kind) -> bool {
-    matches!(kind, Kind::Material | Kind::Pattern)
-}
-
 /// Best first; ties by index.
 pub(super) fn sort(choices: &mut [Choice]) {
     choices.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.index.cmp(&b.index)));
@@ -74,7 +67,7 @@ pub(super) fn best_choices(evaluation: &Evaluation, top_k: usize) -> Vec<Choice>
         index,
         score: evaluation.total[index],
         constraints: evaluation.factors.iter().map(|f| (f.label.clone(), f.scores[index])).collect(),
-        unsure: evaluation.factors.iter().map(|f| is_unsure(f.kind)).collect(),
+        unsure: evaluation.factors.iter().map(|f| f.unsure).collect(),
         anchors: evaluation.factors.iter().filter_map(|f| f.anchors[index]).collect(),
     };
     order.into_iter().map(choice).collect()

@@ -38,6 +38,9 @@ pub(super) struct Factor {
     pub(super) anchors: Vec<Option<usize>>,
     /// What sort of evidence it is.
     pub(super) kind: Kind,
+    /// Whether the map misreads it so often that it cannot refuse: it tells three materials in five and five patterns
+    /// in six, but nine colours in ten.
+    pub(super) unsure: bool,
 }
 
 /// How well each object fits an entity.
@@ -65,7 +68,8 @@ impl Evaluation {
         for (total, score) in self.total.iter_mut().zip(&scores) {
             *total *= score;
         }
-        self.factors.push(Factor { label, scores, anchors, kind });
+        let unsure = matches!(kind, Kind::Material | Kind::Pattern);
+        self.factors.push(Factor { label, scores, anchors, kind, unsure });
     }
 
     fn see(&mut self, frame: ReferenceFrame) {
@@ -189,9 +193,10 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
     let scene = context.scene;
     let label = relation_label(term);
     if let [Entity { noun: Noun::Room(_), .. }] = term.anchors.as_slice() {
-        let scores = rooms::relation_to_room(context, term, &mut result.frame);
+        let (scores, sure) = rooms::relation_to_room(context, term, &mut result.frame);
         let scores = finish(context.config, term, scores);
         result.push(Kind::Room, label, scores, vec![None; scene.items.len()]);
+        result.factors.iter_mut().last().into_iter().for_each(|factor| factor.unsure = !sure);
         return;
     }
     let mut kind = kind_of_relation(scene, term, None);

@@ -224,7 +224,8 @@ impl Parser<'_> {
                 | "mounted" | "standing" | "hanging"
                     if self.rest().get(1).is_some_and(|next| {
                         matches!(next.as_str(), "other" | "of" | "the") || !words::is_function_word(next)
-                    }) && words::find_relation(&self.rest()[1..]).is_none() => {}
+                    }) && words::find_relation(&self.rest()[1..]).is_none()
+                        && !self.opens_name() => {}
                 _ => break,
             }
             self.at += 1;
@@ -265,7 +266,8 @@ impl Parser<'_> {
                 length += 1;
                 continue;
             }
-            if words::is_function_word(token) && !(token == "can" && self.is_noun_can(length)) {
+            let named = length == 0 && self.opens_name();
+            if words::is_function_word(token) && !named && !(token == "can" && self.is_noun_can(length)) {
                 break;
             }
             let tail = &rest[length..];
@@ -370,6 +372,12 @@ impl Parser<'_> {
             self.at = start + 1;
         }
     }
+    /// Whether the next two words are a name, such as "standing lamp".
+    fn opens_name(&self) -> bool {
+        let name = self.rest().get(..2).map(|words| words.join(" "));
+        !self.lenient && name.is_some_and(|name| self.knowledge.find_exact(&name).is_some())
+    }
+
     /// Number of words from "of" on that make one name with the word before: "chest of drawers", "loaf of bread".
     fn joined_by_of(&self, head: &Head) -> Option<usize> {
         let before = self.at.checked_sub(1).filter(|_| matches!(head.noun, Noun::Thing(_)))?;

@@ -13,6 +13,8 @@ const WALL_REACH_M: f64 = 0.4;
 const ADJOINING: f32 = 0.6;
 /// Score of a room without a name of its own when a name is asked for.
 const UNNAMED: f32 = 0.1;
+/// Most that a room of another name scores.
+const MISNAMED: f32 = 0.3;
 
 /// One constraint on rooms and how well each room meets it.
 pub(super) struct RoomFactor {
@@ -88,7 +90,7 @@ fn name_score(context: Context<'_, '_>, room: &Room, asked: &str) -> f32 {
         }
     }
     let content = if all > 0.0 { fitting / all } else { 0.0 };
-    if named == "room" { (1.2 * content).clamp(UNNAMED, 0.9) } else { (0.6 * (content - 0.5)).clamp(0.02, 0.3) }
+    if named == "room" { (1.2 * content).clamp(UNNAMED, 0.9) } else { (0.6 * (content - 0.5)).clamp(0.02, MISNAMED) }
 }
 
 fn stands_in(context: Context<'_, '_>, item: usize, room: &Room) -> bool {
@@ -175,15 +177,29 @@ pub(super) fn product(factors: &[RoomFactor], rooms: usize) -> Vec<f32> {
     (0..rooms).map(|i| factors.iter().map(|factor| factor.scores[i]).product()).collect()
 }
 
-/// How well each object stands in (or next to) the room of a relation, by item.
-pub(super) fn relation_to_room(context: Context<'_, '_>, term: &RelationTerm, frame: &mut ReferenceFrame) -> Vec<f32> {
+/// How well each object stands in (or next to) the room of a relation, by item, and whether the map is sure of it: rooms
+/// are named by what they hold, so that a room of a name that none bears may be any.
+pub(super) fn relation_to_room(
+    context: Context<'_, '_>,
+    term: &RelationTerm,
+    frame: &mut ReferenceFrame,
+) -> (Vec<f32>, bool) {
     let scene = context.scene;
     let rooms = &scene.map.rooms;
     if rooms.is_empty() {
         // Nothing is known about rooms: the words neither help nor refuse.
-        return vec![context.config.unknown_anchor; scene.items.len()];
+        return (vec![context.config.unknown_anchor; scene.items.len()], true);
     }
-    let anchors = product(&evaluate(context, &term.anchors[0], frame), rooms.len());
+    let factors = evaluate(context, &term.anchors[0], frame);
+    let sure = factors[0].scores.iter().any(|score| *score > MISNAMED);
+    let mut anchors = product(&factors, rooms.len());
+    if !sure {
+        // A flat seldom has two rooms of one name: one of them is misnamed.
+        let shares_name = |room: &Room| rooms.iter().filter(|other| other.name == room.name).count() > 1;
+        for (room, score) in rooms.iter().zip(&mut anchors) {
+            *score = context.config.violated_below * if shares_name(room) { 0.9 } else { 0.45 } + 0.05 * *score;
+        }
+    }
     let score = |item: usize| {
         let home = scene.room_of(item);
         let place = scene.items[item].bounds.center().xy();
@@ -194,7 +210,7 @@ pub(super) fn relation_to_room(context: Context<'_, '_>, term: &RelationTerm, fr
         };
         rooms.iter().zip(&anchors).map(to).fold(0.0, f32::max)
     };
-    (0..scene.items.len()).map(score).collect()
+    ((0..scene.items.len()).map(score).collect(), sure)
 }
 
 /// Distance in metres from each object to the likeliest room of an entity, 0 inside it; `None` when no room fits.

@@ -168,6 +168,28 @@ fn some_names_hold_an_of() {
 }
 
 #[test]
+fn a_standing_lamp_is_a_floor_lamp() {
+    let map = map_of([thing(1, "floor lamp", [0.0; 3], [0.4, 0.4, 1.7]), thing(2, "desk lamp", [1.0; 3], [0.2; 3])]);
+    assert_found(&ground(&map, "the standing lamp"), 1, "a name that opens with what is else left out");
+}
+
+#[test]
+fn a_room_that_no_room_is_called_by_may_be_any() {
+    let things = [
+        thing(1, "mug", [0.0, 0.0, 0.8], [0.1; 3]).in_room(1),
+        thing(2, "mug", [6.0, 0.0, 0.8], [0.1; 3]).in_room(2),
+        thing(3, "mug", [12.0, 0.0, 0.8], [0.1; 3]).in_room(3),
+    ];
+    let square = |id, name, x: f64| room(id, name, [x - 2.0, -2.0, x + 2.0, 2.0], &[]);
+    let rooms = vec![square(1, "kitchen", 0.0), square(2, "bedroom", 6.0), square(3, "kitchen", 12.0)];
+    let map = with_rooms(map_of(things), rooms);
+    assert_found(&ground(&map, "the mug in the bedroom"), 2, "the bedroom");
+    let answer = ground(&map, "the mug in the office");
+    assert_status(&answer, GroundingStatus::Ambiguous, "rooms are named by what they hold, so one may be misnamed");
+    assert!([1, 3].contains(&answer.object_id.unwrap().0), "a flat seldom has two kitchens: {answer:#?}");
+}
+
+#[test]
 fn gray_is_not_white() {
     let called = |id, y: f64, color| thing(id, "phone", [0.0, y, 0.5], [0.08, 0.15, 0.01]).color(color);
     let map = map_of([called(1, 0.0, "white"), called(2, 1.0, "gray")]);
