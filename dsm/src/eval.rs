@@ -9,6 +9,7 @@ mod labeller;
 mod matching;
 mod nearest;
 mod referring;
+mod registration;
 mod relations;
 mod rooms;
 mod scene;
