@@ -72,8 +72,8 @@ pub(super) struct Seen {
 ///
 /// A flat side lies where most of its points are, for depth noise is the same before and behind a surface. Other sides lie
 /// at the 1st and 99th percentile, grown by what the views lost. What was seen from the front alone is completed away from
-/// its viewers: a bulging small thing becomes as deep as it is wide, a front gets the usual depth of its kind (`depth_m`),
-/// a sheet 2 cm. What hangs flat on a wall and was cut off by the image's upper edge is taken for nearly as high as wide.
+/// its viewers: a bulging or very narrow thing becomes as deep as it is wide, a front gets the usual depth of its kind
+/// (`depth_m`), one up to 60 cm wide whose kind tells none 0.6 of its width, a larger sheet 2 cm. What hangs flat on a wall and was cut off by the image's upper edge is taken for nearly as high as wide.
 pub(super) fn upright_box(
     (points, masses): (&[MapPoint], &[f32]),
     aabb: &Aabb,
@@ -332,11 +332,11 @@ mod tests {
 
     #[test]
     fn a_flat_front_gets_the_usual_depth_of_its_kind_away_from_the_viewer() {
-        // A front at x = 1 with a viewer at +x: 2 cm thick when nothing is known of it.
+        // A front at x = 1 with a viewer at +x: less deep than wide when nothing is known of it.
         let front = noisy_square(0, 1.0);
-        let sheet = bound(&front, [1.0, 0.0], None);
-        assert!((sheet.size.x - 0.02).abs() < 1e-6, "{}", sheet.size.x);
-        assert!((sheet.center.x + 0.01 - 1.0).abs() < 0.002, "{}", sheet.center.x);
+        let unknown = bound(&front, [1.0, 0.0], None);
+        assert!((unknown.size.x - FLAT_DEPTH * unknown.size.y).abs() < 0.02, "{unknown:?}");
+        assert!((unknown.aabb().max.x - 1.0).abs() < 0.004, "{unknown:?}");
         let cabinet = bound(&front, [1.0, 0.0], Some(0.5));
         assert!((cabinet.size.x - 0.5).abs() < 1e-6 && (cabinet.center.x - 0.75).abs() < 0.002, "{cabinet:?}");
     }
