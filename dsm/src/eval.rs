@@ -10,6 +10,7 @@ mod matching;
 mod nearest;
 mod places;
 mod referring;
+mod registration;
 mod relations;
 mod rooms;
 mod scene;

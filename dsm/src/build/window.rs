@@ -35,6 +35,8 @@ struct Voxel {
     color: [f32; 3],
     /// Sum of the weights of its points, at most [`MEMORY`].
     weight: f32,
+    /// The same without a limit: of two voxels in one line of sight the surface is where most was measured.
+    mass: f32,
     /// New in this frame: not yet tested against the window.
     fresh: bool,
     /// Views that agree, with one for what was known before the window.
@@ -74,7 +76,7 @@ impl Window {
     /// A window that remembers points without their views.
     pub(super) fn from_points(points: &[MapPoint], extent: &Aabb) -> Self {
         let mut window = Self::new(extent);
-        window.insert(points, 1.0, 1);
+        window.insert(points, |_| 1.0, 1);
         window.voxels.iter_mut().for_each(|v| v.fresh = false);
         window
     }
@@ -92,7 +94,7 @@ impl Window {
     /// Adds a view with its points and evicts what exceeds the window. Points count by the square of their accuracy.
     pub(super) fn add(&mut self, config: &BuildConfig, view: View, points: &[MapPoint], center: &Point3<f64>) {
         if !config.window {
-            self.insert(points, 1.0, 1);
+            self.insert(points, |_| 1.0, 1);
             self.voxels.iter_mut().for_each(|v| v.fresh = false);
             if self.voxels.len() > 3 * config.max_points {
                 self.coarsen(self.voxel_m * 2.0);
@@ -102,7 +104,7 @@ impl Window {
         self.testify(&view, 1);
         let distance_m = (view.eye.cast::<f64>() - center).norm();
         let accuracy = depth_noise_m(0.0) / depth_noise_m(distance_m);
-        self.insert(points, (accuracy * accuracy) as f32, 0);
+        self.insert(points, |_| (accuracy * accuracy) as f32, 0);
         self.views.push(view);
         let (voxel_m, views) = (self.voxel_m, &self.views);
         self.voxels.iter_mut().filter(|v| v.fresh).for_each(|v| {
@@ -117,11 +119,11 @@ impl Window {
 
     /// Takes over all that another window knows.
     pub(super) fn absorb(&mut self, config: &BuildConfig, other: Self, center: &Point3<f64>) {
-        let points = other.kept_points(config);
+        let (points, masses) = other.kept_points(config);
         if other.voxel_m > self.voxel_m {
             self.coarsen(other.voxel_m);
         }
-        self.insert(&points, 1.0, 1);
+        self.insert(&points, |index| masses[index], 1);
         self.voxels.iter_mut().for_each(|v| v.fresh = false);
         self.views.extend(other.views);
         self.views.sort_by_key(|view| view.frame);
@@ -133,16 +135,16 @@ impl Window {
     ///
     /// `depth_m` is the usual depth of such things, see [`upright_box`].
     pub(super) fn find_shape(&mut self, config: &BuildConfig, depth_m: Option<f64>) -> Option<Shape> {
-        let mut points = self.kept_points(config);
+        let (mut points, mut masses) = self.kept_points(config);
         let aabb = robust_aabb(&points)?;
         let wanted = voxel_size_m(&aabb);
         if wanted > self.voxel_m {
             self.coarsen(wanted);
-            points = self.kept_points(config);
+            (points, masses) = self.kept_points(config);
         }
         let seen = self.seen(&aabb);
-        let bounds = upright_box(&points, &aabb, f64::from(self.voxel_m), &seen, depth_m)?;
-        let surfaces = find_surfaces(&points, &bounds, f64::from(self.voxel_m));
+        let bounds = upright_box((&points, &masses), &aabb, f64::from(self.voxel_m), &seen, depth_m)?;
+        let surfaces = find_surfaces((&points, &masses), &bounds, f64::from(self.voxel_m));
         if points.len() > config.max_points {
             let step = points.len() as f64 / config.max_points as f64;
             points = (0..config.max_points).map(|i| points[(i as f64 * step) as usize]).collect();
@@ -187,8 +189,8 @@ impl Window {
         (f64::from(covering as u32) / f64::from(looking.max(1) as u32), looking)
     }
 
-    /// Points of the voxels that enough views agree on and that are no fringe.
-    fn kept_points(&self, config: &BuildConfig) -> Vec<MapPoint> {
+    /// Points of the voxels that enough views agree on and that are no fringe; with their masses.
+    fn kept_points(&self, config: &BuildConfig) -> (Vec<MapPoint>, Vec<f32>) {
         let kept = || self.voxels.iter().filter(|v| is_kept(v, config));
         let (sum, count) = kept().fold((0.0, 0), |(sum, count), v| (sum + v.weight, count + 1));
         let fringe = match self.voxel_m {
@@ -197,7 +199,7 @@ impl Window {
             _ => LARGE_FRINGE,
         };
         let least = fringe * sum / count.max(1) as f32;
-        kept().filter(|v| v.weight >= least).map(Voxel::point).collect()
+        kept().filter(|v| v.weight >= least).map(|v| (v.point(), v.mass)).unzip()
     }
 
     /// Counts the evidence of a view into all voxels (`sign` 1) or out of them (-1).
@@ -206,13 +208,15 @@ impl Window {
         self.voxels.iter_mut().for_each(|voxel| count(voxel, view, voxel_m, sign));
     }
 
-    /// Adds points of one weight; new voxels are marked fresh and take `remembered`.
-    fn insert(&mut self, points: &[MapPoint], weight: f32, remembered: u16) {
-        let mut keyed: Vec<([i32; 3], &MapPoint)> = points.iter().map(|p| (self.key(&p.position), p)).collect();
-        keyed.sort_by_key(|(key, _)| *key);
+    /// Adds points with their weights; new voxels are marked fresh and take `remembered`.
+    fn insert(&mut self, points: &[MapPoint], weight: impl Fn(usize) -> f32, remembered: u16) {
+        let points = points.iter().enumerate();
+        let mut keyed: Vec<([i32; 3], &MapPoint, f32)> =
+            points.map(|(index, p)| (self.key(&p.position), p, weight(index))).collect();
+        keyed.sort_by_key(|(key, _, _)| *key);
         let known = self.voxels.len();
         let mut cursor = 0;
-        for (key, point) in keyed {
+        for (key, point, weight) in keyed {
             while cursor < known && self.voxels[cursor].key < key {
                 cursor += 1;
             }
@@ -225,7 +229,8 @@ impl Window {
                     key,
                     position: point.position,
                     color: point.color.map(f32::from),
-                    weight,
+                    weight: weight.min(MEMORY),
+                    mass: weight,
                     fresh: true,
                     hits: remembered,
                     chances: remembered,
@@ -262,7 +267,7 @@ impl Window {
         let old = std::mem::take(&mut self.voxels);
         self.voxel_m = voxel_m;
         let points: Vec<MapPoint> = old.iter().map(Voxel::point).collect();
-        self.insert(&points, 0.0, 0);
+        self.insert(&points, |_| 0.0, 0);
         for voxel in &mut self.voxels {
             voxel.fresh = false;
         }
@@ -271,6 +276,7 @@ impl Window {
             if let Ok(i) = self.voxels.binary_search_by_key(&key, |v| v.key) {
                 self.voxels[i].remembered = self.voxels[i].remembered.max(voxel.remembered);
                 self.voxels[i].weight = (self.voxels[i].weight + voxel.weight).min(MEMORY);
+                self.voxels[i].mass += voxel.mass;
             }
         }
         self.recount();
@@ -293,7 +299,8 @@ impl Voxel {
 
     fn blend(&mut self, point: &MapPoint, weight: f32) {
         self.weight = (self.weight + weight).min(MEMORY);
-        let part = weight / self.weight.max(1e-6);
+        self.mass += weight;
+        let part = (weight / self.weight.max(1e-6)).min(1.0);
         self.position += (point.position - self.position) * part;
         self.color.iter_mut().zip(point.color).for_each(|(c, new)| *c += (f32::from(new) - *c) * part);
     }
@@ -326,16 +333,18 @@ fn voxel_size_m(extent: &Aabb) -> f32 {
 }
 
 /// Heights where the points of a thin slice cover a share of the footprint: boards, seats, the top.
-fn find_surfaces(points: &[MapPoint], bounds: &OrientedBox, voxel_m: f64) -> Vec<f64> {
+fn find_surfaces((points, masses): (&[MapPoint], &[f32]), bounds: &OrientedBox, voxel_m: f64) -> Vec<f64> {
     const SLICE_M: f64 = 0.02;
     const SHARE: f64 = 0.15;
     let (bottom, top) = (bounds.bottom_m(), bounds.top_m());
-    let mut slices = vec![(0usize, 0.0f64); ((top - bottom) / SLICE_M) as usize + 2];
-    for point in points {
+    // Voxels, their mass, and its moment.
+    let mut slices = vec![(0usize, 0.0f64, 0.0f64); ((top - bottom) / SLICE_M) as usize + 2];
+    for (point, mass) in points.iter().zip(masses) {
         let z = f64::from(point.position.z);
         let slice = (((z - bottom) / SLICE_M).max(0.0) as usize).min(slices.len() - 1);
         slices[slice].0 += 1;
-        slices[slice].1 += z;
+        slices[slice].1 += f64::from(*mass);
+        slices[slice].2 += f64::from(*mass) * z;
     }
     let footprint_m2 = (bounds.size.x * bounds.size.y).max(1e-4);
     let mut counts: Vec<usize> = slices.iter().map(|s| s.0).collect();
@@ -343,10 +352,11 @@ fn find_surfaces(points: &[MapPoint], bounds: &OrientedBox, voxel_m: f64) -> Vec
     let median = counts[counts.len() / 2] as f64;
     let mut surfaces: Vec<f64> = Vec::new();
     for i in 0..slices.len() {
-        let pair = slices.get(i + 1).map_or(slices[i], |next| (slices[i].0 + next.0, slices[i].1 + next.1));
+        let next = slices.get(i + 1).copied().unwrap_or_default();
+        let pair = (slices[i].0 + next.0, slices[i].1 + next.1, slices[i].2 + next.2);
         let covered = pair.0 as f64 * voxel_m * voxel_m / footprint_m2;
         if covered >= SHARE && pair.0 as f64 > 3.0 * median {
-            let height = pair.1 / pair.0 as f64;
+            let height = pair.2 / pair.1.max(1e-9);
             if surfaces.last().is_none_or(|last| height - last > 0.06) && top - height > 0.06 {
                 surfaces.push(height);
             }
