@@ -90,23 +90,13 @@ pub(super) fn pick<T>(items: &[T], wanted: usize) -> impl Iterator<Item = &T> {
 
 /// Matches the stable objects of a map with the things of a scene.
 pub fn match_objects(map: &Map, truth: &TrueScene) -> Matching {
-    let objects: Vec<&MapObject> = map.stable_objects().collect();
-    let shifts = find_shifts(&objects, truth);
-    match_shifted(&objects, &shifts, truth)
-}
-
-/// As [`match_objects`], with every object where the map has it.
-pub(super) fn match_in_place(map: &Map, truth: &TrueScene) -> Matching {
-    let objects: Vec<&MapObject> = map.stable_objects().collect();
-    match_shifted(&objects, &vec![Vector3::zeros(); objects.len()], truth)
-}
-
-fn match_shifted(objects: &[&MapObject], shifts: &[Vector3<f32>], truth: &TrueScene) -> Matching {
     let surface = truth.objects.iter().zip(0u32..);
     let surface = surface.flat_map(|(thing, index)| thing.points.iter().map(move |p| (p.position, index)));
     let surface = PointGrid::new(0.05, surface);
+    let objects: Vec<&MapObject> = map.stable_objects().collect();
+    let shifts = find_shifts(&objects, truth);
     let shares: Vec<BTreeMap<usize, f64>> =
-        objects.par_iter().zip(shifts).map(|(object, shift)| find_shares(object, shift, &surface)).collect();
+        objects.par_iter().zip(&shifts).map(|(object, shift)| find_shares(object, shift, &surface)).collect();
 
     let mut weights = Matrix::new(objects.len(), truth.objects.len() + objects.len(), 0i64);
     for (row, (object, shares)) in objects.iter().zip(&shares).enumerate() {
@@ -136,7 +126,7 @@ fn match_shifted(objects: &[&MapObject], shifts: &[Vector3<f32>], truth: &TrueSc
         }
         matching.verdicts.insert(id, verdict);
     }
-    matching.over_merged = find_over_merged(truth, (objects, shifts), &shares, &surface, &matching);
+    matching.over_merged = find_over_merged(truth, (&objects, &shifts), &shares, &surface, &matching);
     matching
 }
 

@@ -1,6 +1,6 @@
 //! What one map is worth against the truth.
 
-use super::matching::{Matching, Verdict, count, match_in_place, match_objects, pick};
+use super::matching::{Matching, Verdict, count, match_objects, pick};
 use super::scene::{TrueScene, TrueThing};
 use super::statistics::{F1Count, Mean, Share};
 use super::{attributes, faults, relations, rooms, segmentation};
@@ -21,7 +21,6 @@ const ERROR_POINTS: usize = 300;
 /// |---|---|
 /// | `precision`, `duplicate`, `ghost`, `over_merge` | shares of the map's objects, see [`Matching`] |
 /// | `recall` | share of the seen things that have an object |
-/// | `precision_in_place` and the like | the same without laying neighbourhoods onto the truth first |
 /// | `acc_25`, `acc_50` | share of the seen things whose object's upright oriented box has at least this IoU with the true one, which is around all visible geometry, seen or not |
 /// | `acc_25_seen`, `acc_50_seen` | the same against the box around the points that were seen |
 /// | `acc_25_axis`, `acc_50_axis` | `acc_25`, `acc_50` with axis-aligned boxes |
@@ -47,8 +46,7 @@ pub struct MapScore {
 pub fn score_map(map: &Map, truth: &TrueScene, config: &BuildConfig, knowledge: &Arc<Knowledge>) -> MapScore {
     let matching = match_objects(map, truth);
     let mut score = MapScore { faults: faults::list(map, truth, &matching), ..MapScore::default() };
-    score_objects(&mut score, truth, &matching, "");
-    score_objects(&mut score, truth, &match_in_place(map, truth), "_in_place");
+    score_objects(&mut score, truth, &matching);
     let pairs: Vec<(&MapObject, &TrueThing)> = truth
         .objects
         .iter()
@@ -81,10 +79,10 @@ pub fn score_map(map: &Map, truth: &TrueScene, config: &BuildConfig, knowledge: 
     score
 }
 
-fn score_objects(score: &mut MapScore, truth: &TrueScene, matching: &Matching, ending: &str) {
+fn score_objects(score: &mut MapScore, truth: &TrueScene, matching: &Matching) {
     let all = matching.verdicts.len();
     let mut add = |name: &str, hits: usize, count: usize| {
-        score.shares.insert(format!("{name}{ending}"), Share { hits, count });
+        score.shares.insert(name.into(), Share { hits, count });
     };
     add("precision", count(matching, |v| matches!(v, Verdict::Matched(_))), all);
     add("duplicate", count(matching, |v| matches!(v, Verdict::Duplicate(_))), all);
