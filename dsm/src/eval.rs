@@ -10,7 +10,6 @@ mod matching;
 mod nearest;
 mod places;
 mod referring;
-mod registration;
 mod relations;
 mod rooms;
 mod scene;

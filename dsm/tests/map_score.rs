@@ -166,20 +166,3 @@ fn a_shifted_box_and_a_wrong_word_lower_their_scores() {
     assert_eq!((found.shares["name"].hits, found.shares["color"].hits), (2, 2));
     assert!(found.means["point_error_m"].sum / found.means["point_error_m"].count as f64 > 1e-3);
 }
-
-#[test]
-fn a_map_that_lies_aside_has_wrong_places_but_nothing_twice_and_nothing_merged() {
-    let truth = truth();
-    let aside = |p: &MapPoint| MapPoint { position: p.position + Vector3::new(0.05, -0.04, -0.06), ..*p };
-    let shifted = copy(&truth).into_iter().map(|o| {
-        let name = o.name().to_owned();
-        object(o.id.0, &name, o.points.iter().map(aside).collect(), "red")
-    });
-    let found = score(&map(shifted.collect(), &[]));
-    for name in ["duplicate", "ghost", "over_merge"] {
-        assert_eq!(value(&found, name), 0.0, "{name}");
-    }
-    assert_eq!(value(&found, "recall"), 1.0);
-    // A cube of 10 cm has 5 x 6 x 4 cm in common with its place.
-    assert_eq!((found.shares["acc_25"].hits, found.shares["acc_25"].count), (2, 3));
-}

@@ -1,9 +1,7 @@
 //! Which object of a map is which thing of the scene.
 //!
-//! Every stable object of the map gets one verdict. First each neighbourhood of the map (objects within 1.5 m) is shifted onto
-//! the true surfaces, by at most 15 cm: where things lie is told by boxes and point errors, which are measured unshifted;
-//! this asks which things they are. An object's points (at most 300, evenly picked) belong to the thing whose true surface is
-//! nearest, within 10 cm. A pair of object and thing is possible when at least 30 % of the object's points
+//! Every stable object of the map gets one verdict. Its points (at most 300, evenly picked) belong to the thing whose true
+//! surface is nearest, within 10 cm. A pair of object and thing is possible when at least 30 % of the object's points
 //! belong to the thing; one optimal one-to-one assignment maximises the sum of box IoU and half that share. Names play
 //! no part.
 //!
@@ -18,11 +16,9 @@
 //! the seen things that are matched.
 
 use super::nearest::PointGrid;
-use super::registration::find_shifts;
 use super::scene::TrueScene;
-use crate::geometry::OrientedBox;
 use crate::map::{Map, MapObject, ObjectId};
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix;
 use rayon::prelude::*;
@@ -94,16 +90,12 @@ pub fn match_objects(map: &Map, truth: &TrueScene) -> Matching {
     let surface = surface.flat_map(|(thing, index)| thing.points.iter().map(move |p| (p.position, index)));
     let surface = PointGrid::new(0.05, surface);
     let objects: Vec<&MapObject> = map.stable_objects().collect();
-    let shifts = find_shifts(&objects, truth);
-    let shares: Vec<BTreeMap<usize, f64>> =
-        objects.par_iter().zip(&shifts).map(|(object, shift)| find_shares(object, shift, &surface)).collect();
+    let shares: Vec<BTreeMap<usize, f64>> = objects.par_iter().map(|object| find_shares(object, &surface)).collect();
 
     let mut weights = Matrix::new(objects.len(), truth.objects.len() + objects.len(), 0i64);
     for (row, (object, shares)) in objects.iter().zip(&shares).enumerate() {
-        let center = object.bounds.center + shifts[row].cast();
-        let bounds = OrientedBox { center, ..object.bounds };
         for (thing, share) in shares.iter().filter(|(_, share)| **share >= OWN_SHARE) {
-            let score = bounds.iou(&truth.objects[*thing].bounds) + 0.5 * share;
+            let score = object.bounds.iou(&truth.objects[*thing].bounds) + 0.5 * share;
             weights[(row, *thing)] = (score * 1e6).round() as i64;
         }
     }
@@ -126,14 +118,14 @@ pub fn match_objects(map: &Map, truth: &TrueScene) -> Matching {
         }
         matching.verdicts.insert(id, verdict);
     }
-    matching.over_merged = find_over_merged(truth, (&objects, &shifts), &shares, &surface, &matching);
+    matching.over_merged = find_over_merged(truth, &objects, &shares, &surface, &matching);
     matching
 }
 
 /// Share of the object's points that belong to each thing.
-fn find_shares(object: &MapObject, shift: &Vector3<f32>, surface: &PointGrid) -> BTreeMap<usize, f64> {
+fn find_shares(object: &MapObject, surface: &PointGrid) -> BTreeMap<usize, f64> {
     let mut shares = BTreeMap::new();
-    let places: Vec<Point3<f32>> = pick(&object.points, POINTS).map(|p| p.position + shift).collect();
+    let places: Vec<Point3<f32>> = pick(&object.points, POINTS).map(|p| p.position).collect();
     let each = 1.0 / places.len().max(1) as f64;
     for place in &places {
         if let Some((thing, _)) = surface.find(place, OWN_REACH_M) {
@@ -145,7 +137,7 @@ fn find_shares(object: &MapObject, shift: &Vector3<f32>, surface: &PointGrid) ->
 
 fn find_over_merged(
     truth: &TrueScene,
-    (objects, shifts): (&[&MapObject], &[Vector3<f32>]),
+    objects: &[&MapObject],
     shares: &[BTreeMap<usize, f64>],
     surface: &PointGrid,
     matching: &Matching,
@@ -160,10 +152,8 @@ fn find_over_merged(
             found.insert(object.id, *second);
         }
     }
-    let points = objects.iter().zip(shifts).zip(0u32..);
-    let points =
-        points.flat_map(|((object, shift), index)| object.points.iter().map(move |p| (p.position + shift, index)));
-    let (positions, owners): (Vec<Point3<f32>>, Vec<u32>) = points.unzip();
+    let points = objects.iter().zip(0u32..).flat_map(|(object, index)| object.points.iter().map(move |p| (p, index)));
+    let (positions, owners): (Vec<Point3<f32>>, Vec<u32>) = points.map(|(p, index)| (p.position, index)).unzip();
     let map_points = PointGrid::new(0.03, positions.iter().copied().zip(0u32..));
     for (index, thing) in truth.objects.iter().enumerate() {
         if !thing.is_seen() || matching.object_of[index].is_some() {
