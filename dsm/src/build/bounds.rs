@@ -73,7 +73,8 @@ pub(super) struct Seen {
 /// A flat side lies where most of its points are, for depth noise is the same before and behind a surface. Other sides lie
 /// at the 1st and 99th percentile, grown by what the views lost. What was seen from the front alone is completed away from
 /// its viewers: a bulging or very narrow thing becomes as deep as it is wide, a front gets the usual depth of its kind
-/// (`depth_m`), one up to 60 cm wide whose kind tells none 0.6 of its width, a larger sheet 2 cm. What hangs flat on a wall and was cut off by the image's upper edge is taken for nearly as high as wide.
+/// (`depth_m`), one up to 60 cm wide whose kind tells none 0.6 of its width, a larger sheet 2 cm. What hangs flat on a wall
+/// and was cut off by the image's upper edge is taken for nearly as high as wide.
 pub(super) fn upright_box(
     (points, masses): (&[MapPoint], &[f32]),
     aabb: &Aabb,
