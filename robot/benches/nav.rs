@@ -1,5 +1,5 @@
 //! Times of navigation and grasp planning on a flat of 12 x 10 m at 5 cm.
-#![allow(missing_docs, clippy::unwrap_used, reason = "a bench; criterion's macros make undocumented functions")]
+#![allow(missing_docs, clippy::unwrap_used, clippy::print_stderr, reason = "a bench; criterion's macros make undocumented functions")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use dsm::map::{CellState, FreeSpace};
@@ -63,7 +63,7 @@ fn large_grid(criterion: &mut Criterion) {
     // The estimate costs nothing of the optimum: the search without one finds a way of the same length.
     let from_field = field.find_path(&costmap, &goal).unwrap();
     assert!((path.length_m - from_field.length_m).abs() < 0.02 * path.length_m);
-    println!("A*: {:.2} m; by Dijkstra's field {:.2} m", path.length_m, from_field.length_m);
+    eprintln!("A*: {:.2} m; by Dijkstra's field {:.2} m", path.length_m, from_field.length_m);
     criterion.bench_function("A*, 2000 x 2000", |b| b.iter(|| find_path(&costmap, black_box(&start), &goal)));
     criterion.bench_function("Dijkstra, 2000 x 2000", |b| b.iter(|| Field::from_start(&costmap, black_box(&start))));
 }
