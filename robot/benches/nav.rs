@@ -1,5 +1,10 @@
 //! Times of navigation and grasp planning on a flat of 12 x 10 m at 5 cm.
-#![allow(missing_docs, clippy::unwrap_used, clippy::print_stderr, reason = "a bench; criterion's macros make undocumented functions")]
+#![allow(
+    missing_docs,
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "a bench; criterion's macros make undocumented functions"
+)]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use dsm::map::{CellState, FreeSpace};
