@@ -142,7 +142,11 @@ impl Sides {
             for (side, outward) in [(0, -1.0), (1, 1.0)] {
                 let edge = if side == 0 { self.low[axis] } else { self.high[axis] };
                 let face = is_side.then(|| {
-                    let inside = |p: &Point3<f32>| (edge - f64::from(p[axis])) * outward;
+                    // A side lies before the middle: behind it is the opposite one. The sides of a sheet are the same.
+                    let deepest_m = if is_sheet { FACE_SEARCH_M.1 } else { FACE_SEARCH_M.1.min(0.5 * size[axis]) };
+                    let inside = |p: &Point3<f32>| {
+                        Some((edge - f64::from(p[axis])) * outward).filter(|depth| *depth < deepest_m)
+                    };
                     let columns = find_columns(points, masses, across.map(|i| (i, low[i], size[i])), cell_m, inside);
                     let covered = FACE_SHARE * u * v / (cell_m * cell_m);
                     let enough = if is_sheet { covered.max(SHEET_SHARE * columns.len() as f64) } else { covered };
@@ -190,7 +194,7 @@ fn find_columns(
     masses: &[f32],
     across: [(usize, f64, f64); 2],
     cell_m: f64,
-    inside: impl Fn(&Point3<f32>) -> f64,
+    inside: impl Fn(&Point3<f32>) -> Option<f64>,
 ) -> Vec<f64> {
     let counts = across.map(|(_, _, size)| (size / cell_m) as usize + 1);
     let column = |p: &Point3<f32>| {
@@ -201,8 +205,8 @@ fn find_columns(
         u * counts[1] + v
     };
     let near = points.iter().zip(masses).filter_map(|(p, mass)| {
-        let depth = inside(p);
-        (-FACE_SEARCH_M.0..FACE_SEARCH_M.1).contains(&depth).then(|| (column(p), depth, f64::from(*mass).max(1e-6)))
+        let depth = inside(p).filter(|depth| (-FACE_SEARCH_M.0..FACE_SEARCH_M.1).contains(depth))?;
+        Some((column(p), depth, f64::from(*mass).max(1e-6)))
     });
     let near: Vec<(usize, f64, f64)> = near.collect();
     let mean = |reach_m: f64, around: &[(f64, f64)]| {
