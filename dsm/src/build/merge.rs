@@ -78,7 +78,7 @@ fn is_same(config: &BuildConfig, a: &MapObject, a_track: &Track, b: &MapObject, 
         return false;
     }
     if !mutual && overlap < SAME_NAME_OVERLAP {
-        return same_name && !unnamed && is_fragment(a, a_track, b, b_track);
+        return same_name && is_fragment(a, a_track, b, b_track);
     }
     let text = cosine(&a.text_feature, &b.text_feature);
     let visual = cosine(&a.visual_feature, &b.visual_feature);
