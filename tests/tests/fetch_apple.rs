@@ -4,6 +4,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot prepare its run fails")]
 
+use dsm_tasks::summary::StepSummary;
 use scenarios::{apartment, root, run};
 use std::fs;
 use std::path::Path;
@@ -63,7 +64,11 @@ fn the_apple_is_fetched_whatever_threads_labels_and_names() {
     let other_map = folder.path().join("other.dsm");
     let changed = on_threads(1, || run(&other, &other_map)).unwrap().summary;
     assert_eq!(fs::read(&plain_map).unwrap(), fs::read(&other_map).unwrap(), "the maps differ");
-    assert_eq!(plain.steps, changed.steps, "the decisions differ");
+    // What the judge adds is missing in the second run, which nothing is expected of.
+    let decisions = |steps: &[StepSummary]| -> Vec<StepSummary> {
+        steps.iter().map(|step| StepSummary { shortest_path_m: None, spl: None, ..step.clone() }).collect()
+    };
+    assert_eq!(decisions(&plain.steps), decisions(&changed.steps), "the decisions differ");
 }
 
 #[test]

@@ -5,7 +5,9 @@ use crate::agent::{Agent, Gaze, Halt};
 use dsm::Pose;
 use dsm::map::{CellState, FreeSpace, Map, ObjectId};
 use dsm::time::{Span, Stamp};
-use dsm_robot::nav::{Costmap, CoverageGrid, Field, FrontierMemory, NavConfig, Pose2, find_frontiers, find_view_poses};
+use dsm_robot::nav::{
+    Costmap, CoverageGrid, Field, FrontierMemory, NavConfig, Pose2, find_frontiers, find_gap, find_view_poses,
+};
 use nalgebra::{Point2, Point3, Vector3};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -14,6 +16,11 @@ use std::sync::Arc;
 const ROOM_TILT_RAD: f64 = 0.42;
 /// Tilt of the head for looking at the floor around the base, radians.
 const FLOOR_TILT_RAD: f64 = 0.95;
+
+/// Tables, desks and beds are at least this wide and lower than this, metres: what was looked at there is looked at from
+/// a second side as well.
+const WIDE_M: f64 = 0.5;
+const TABLE_TOP_M: f64 = 1.0;
 
 /// Why exploration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +42,8 @@ pub struct Explorer {
     looked_around: bool,
     inspected: BTreeSet<ObjectId>,
     reprieved: bool,
+    /// Beyond gaps that were looked at, world frame, metres.
+    gaps: Vec<Point2<f64>>,
     complete: bool,
 }
 
@@ -50,6 +59,7 @@ enum Next {
     Inspect(ObjectId, Pose2),
     Frontier(dsm_robot::nav::Frontier),
     Viewpoint(dsm_robot::nav::Viewpoint),
+    Gap(dsm_robot::nav::Gap),
     Nothing,
 }
 
@@ -65,6 +75,7 @@ impl Explorer {
             looked_around: false,
             inspected: BTreeSet::new(),
             reprieved: false,
+            gaps: Vec::new(),
             complete: false,
         }
     }
@@ -99,8 +110,12 @@ impl Explorer {
                     if drive.run(agent)? == DriveOutcome::Enough {
                         return Ok(ExploreOutcome::Enough);
                     }
-                    if let Some(bounds) = agent.map().find_object(id).map(|o| o.bounds) {
-                        look_towards(agent, &bounds.center.xy())?;
+                    let Some(bounds) = agent.map().find_object(id).map(|o| o.bounds) else { continue };
+                    look_towards(agent, &bounds.center.xy())?;
+                    // On what is wide, things hide each other, and a detector misses what it missed from the same side.
+                    let is_wide = bounds.size.x.min(bounds.size.y) >= WIDE_M && bounds.top_m() < TABLE_TOP_M;
+                    if is_wide && self.look_again(agent, end, &[id], enough)? {
+                        return Ok(ExploreOutcome::Enough);
                     }
                 }
                 Next::Frontier(frontier) => {
@@ -136,6 +151,18 @@ impl Explorer {
                     }
                     let (sin, cos) = view.stand.yaw_rad.sin_cos();
                     look_towards(agent, &Point2::new(at.x + cos, at.y + sin))?;
+                }
+                Next::Gap(gap) => {
+                    let at = gap.stand.position;
+                    agent.note(format!("a gap at ({:.1}, {:.1}) cuts off open floor", at.x, at.y));
+                    self.gaps.push(gap.beyond);
+                    agent.gaze = Gaze::AROUND;
+                    let drive = Drive::to_place(&self.nav, at).until(end).stop_when(enough);
+                    if drive.run(agent)? == DriveOutcome::Enough {
+                        return Ok(ExploreOutcome::Enough);
+                    }
+                    look_towards(agent, &gap.beyond)?;
+                    look_around(agent, 1.2)?;
                 }
                 // A way that was blocked by what went away, or by a pose that wandered, may be open now.
                 Next::Nothing if !self.reprieved && self.frontiers.reprieve(&self.nav.frontier) => {
@@ -208,7 +235,7 @@ impl Explorer {
         }
         let wanted: Vec<ObjectId> = wanted.into_iter().filter(|id| !self.inspected.contains(id)).collect();
         let start = Pose2::from_pose(&agent.world_from_base()?).position;
-        let (nav, memory) = (self.nav.clone(), self.frontiers.clone());
+        let (nav, memory, gaps) = (self.nav.clone(), self.frontiers.clone(), self.gaps.clone());
         let mut coverage = std::mem::take(&mut self.coverage);
         let (next, coverage) = agent.plan(move || {
             let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
@@ -227,7 +254,8 @@ impl Explorer {
             let frontier = find_frontiers(&costmap, &field, &memory, &nav.frontier).into_iter().next();
             let next = frontier.map(Next::Frontier).unwrap_or_else(|| {
                 let views = coverage.find_viewpoints(&map, &costmap, &field, &nav.coverage);
-                views.into_iter().next().map_or(Next::Nothing, Next::Viewpoint)
+                let view = views.into_iter().next().map(Next::Viewpoint);
+                view.or_else(|| find_gap(&costmap, &field, &gaps).map(Next::Gap)).unwrap_or(Next::Nothing)
             });
             (next, coverage)
         })?;
