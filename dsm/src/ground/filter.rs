@@ -196,7 +196,9 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
         let (scores, sure) = rooms::relation_to_room(context, term, &mut result.frame);
         let scores = finish(context.config, term, scores);
         result.push(Kind::Room, label, scores, vec![None; scene.items.len()]);
-        result.factors.iter_mut().last().into_iter().for_each(|factor| factor.unsure = !sure);
+        if let Some(factor) = result.factors.last_mut() {
+            factor.unsure = !sure;
+        }
         return;
     }
     let mut kind = kind_of_relation(scene, term, None);

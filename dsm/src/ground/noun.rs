@@ -110,11 +110,8 @@ pub(super) fn find_head(run: &[String], knowledge: &Knowledge, names: &Names) ->
     if names.lenient && !means_else && names.find_fuller(&run[last]).is_some() {
         return head(Noun::Thing(run[last].clone()), last, true);
     }
-    for start in [last.saturating_sub(1), last] {
+    for start in [last.saturating_sub(1), last].into_iter().filter(|_| !means_else) {
         let phrase = run[start..].join(" ");
-        if means_else {
-            break;
-        }
         if let Some(name) = names.find_misspelt(&phrase) {
             return head(Noun::Thing(name.to_owned()), start, true);
         }

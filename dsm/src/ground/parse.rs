@@ -372,6 +372,7 @@ impl Parser<'_> {
             self.at = start + 1;
         }
     }
+
     /// Whether the next two words are a name, such as "standing lamp".
     fn opens_name(&self) -> bool {
         let name = self.rest().get(..2).map(|words| words.join(" "));
