@@ -45,7 +45,8 @@ fn can_be_settled_early(query: &Query) -> bool {
 }
 
 /// Grounds `text`, exploring as long as the answer is not sure and something is left to see before `end`. Before it says
-/// that nothing fits, or too much does, it looks once more from other sides where the words say that the thing is.
+/// that nothing fits, too much does, or one does hardly, it looks once more from other sides where the words say that the
+/// thing is.
 pub fn search(
     agent: &mut Agent,
     explorer: &mut Explorer,
@@ -101,6 +102,8 @@ pub fn search(
     }
     let first = answer(agent, grounder, text)?;
     let doubtful = match first.status {
+        // What is only nearly as the words say is taken when a second look shows nothing better.
+        GroundingStatus::Found if first.score < SURE_SCORE => named.find_places(agent.map(), knowledge),
         GroundingStatus::Found | GroundingStatus::Unparsed => return Ok(first),
         GroundingStatus::Ambiguous => find_rivals(&first),
         GroundingStatus::Absent => named.find_places(agent.map(), knowledge),
