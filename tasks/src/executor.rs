@@ -25,7 +25,7 @@ const TIME_TO_ACT: Span = Span(60_000_000_000);
 const TIME_TO_FETCH_AGAIN: Span = Span(150_000_000_000);
 
 /// Further time that is kept for putting down what was grasped.
-const TIME_TO_PLACE: Span = Span(75_000_000_000);
+const TIME_TO_PLACE: Span = Span(90_000_000_000);
 
 /// Carries out the steps of an episode.
 pub struct Executor {
