@@ -6,6 +6,7 @@
 use crate::deferred::Deferred;
 use crate::error::TaskError;
 use crate::journal::{Journal, Moment};
+use crate::pace::{Pace, Posture};
 use crate::perception::Perception;
 use dsm::Pose;
 use dsm::build::Carrier;
@@ -134,8 +135,13 @@ pub struct Agent {
     /// What the cameras measured around the base a moment ago.
     pub live: LiveObstacles,
     frames: BTreeMap<String, Seen>,
+    pace: Pace,
     /// What happened, for the report.
     pub journal: Journal,
+}
+
+fn scaled(twist: Twist, share: f64) -> Twist {
+    Twist { forward_m_per_s: share * twist.forward_m_per_s, turn_rad_per_s: share * twist.turn_rad_per_s }
 }
 
 /// Is shown each frame.
@@ -182,6 +188,7 @@ impl Agent {
             bumps: Vec::new(),
             live: LiveObstacles::default(),
             frames: BTreeMap::new(),
+            pace: Pace::default(),
             journal: Journal::default(),
         }
     }
@@ -198,8 +205,15 @@ impl Agent {
         }
         // Command.
         let head = self.head_velocities()?;
-        self.robot.base().command(base)?;
-        self.robot.arm().command(arm)?;
+        let share = self.share_of(base, arm)?;
+        self.robot.base().command(scaled(base, share))?;
+        if share < 1.0 {
+            let mut arm = arm.clone();
+            arm.values_mut().iter_mut().for_each(|velocity| *velocity *= share);
+            self.robot.arm().command(&arm)?;
+        } else {
+            self.robot.arm().command(arm)?;
+        }
         self.robot.head().command(&head)?;
         if let Some((width_m, force_n)) = self.grip {
             self.robot.gripper().command(width_m, force_n)?;
@@ -220,6 +234,32 @@ impl Agent {
             self.map = learned.map;
         }
         self.sample(now)
+    }
+
+    /// The share of these velocities at which the arm is slow enough for what is near it; a tick sends no more.
+    fn share_of(&mut self, base: Twist, arm: &JointVelocities) -> Result<f64, Halt> {
+        if base == Twist::default() && arm.values().iter().all(|velocity| *velocity == 0.0) {
+            return Ok(1.0);
+        }
+        let now = self.now();
+        let due = self.pace.is_due(now);
+        if !due && self.pace.is_free() {
+            return Ok(1.0);
+        }
+        let configuration = self.configuration()?;
+        if due {
+            let world_from_base = self.world_from_base()?;
+            let (model, held) = (&self.model, self.held.as_ref());
+            let posture = Posture { model, configuration: &configuration, world_from_base: &world_from_base, held };
+            self.pace.measure(now, &self.map, &posture);
+        }
+        Ok(self.pace.share(&self.model, &configuration, base, arm))
+    }
+
+    /// What a tick sends of a motion of the base alone.
+    pub fn slowed(&mut self, base: Twist) -> Result<Twist, Halt> {
+        let still = JointVelocities::zeros(&self.model.arm.joints);
+        Ok(scaled(base, self.share_of(base, &still)?))
     }
 
     /// Notes clearance and margins for the report, when that is due.

@@ -5,7 +5,7 @@ use crate::episode::{SkillName, Step};
 use crate::skills::Outcome;
 use crate::skills::drive::{Drive, DriveOutcome};
 use crate::skills::explore::{ExploreOutcome, Explorer, Interest};
-use crate::skills::grasp::{GraspSettings, grasp};
+use crate::skills::grasp::{GraspSettings, grasp, retreat};
 use crate::skills::held::{Held, Standing, carry, carrying};
 use crate::skills::navigate::{navigate_to_object, navigate_to_room, way_to};
 use crate::skills::place::place;
@@ -21,8 +21,11 @@ use std::sync::Arc;
 /// Simulated time that is kept for acting when exploration could go on for ever.
 const TIME_TO_ACT: Span = Span(60_000_000_000);
 
+/// With less time left a thing that was lost on the way is not fetched again: to grasp, carry and put it down takes this.
+const TIME_TO_FETCH_AGAIN: Span = Span(150_000_000_000);
+
 /// Further time that is kept for putting down what was grasped.
-const TIME_TO_PLACE: Span = Span(75_000_000_000);
+const TIME_TO_PLACE: Span = Span(90_000_000_000);
 
 /// Carries out the steps of an episode.
 pub struct Executor {
@@ -238,8 +241,22 @@ impl Executor {
         Ok(outcome)
     }
 
-    /// Finds the object and the place, grasps the one and puts it on the other.
+    /// Finds the object and the place, grasps the one and puts it on the other; what was lost on the way is looked for
+    /// and fetched once more.
     fn fetch_and_place(&mut self, agent: &mut Agent, command: &Command) -> Result<Done, Halt> {
+        let done = self.try_fetch_and_place(agent, command)?;
+        let lost = matches!(done.stage, Some(Stage::Hold)) && agent.held().is_none() && !command.target.is_empty();
+        let left = Span(agent.deadline().0 - agent.now().0);
+        if !lost || left < TIME_TO_FETCH_AGAIN {
+            return Ok(done);
+        }
+        agent.note(format!("fetches it once more: {}", done.reason));
+        self.held = None;
+        retreat(agent)?;
+        self.try_fetch_and_place(agent, command)
+    }
+
+    fn try_fetch_and_place(&mut self, agent: &mut Agent, command: &Command) -> Result<Done, Halt> {
         if let Some(reason) = beyond_placing(command) {
             return Ok(failed(PLACE, Stage::Planning, reason, None));
         }

@@ -224,7 +224,7 @@ impl RoomSegmenter {
                 id: RoomId(label - 1),
                 name: things
                     .get(&label)
-                    .and_then(|things| knowledge.find_room_name(things.iter().copied()))
+                    .and_then(|things| knowledge.score_room_names(things.iter().copied()).best())
                     .unwrap_or("room")
                     .to_owned(),
                 center: free.center_of(labels.cell_of(center)),

@@ -4,6 +4,7 @@ use super::answer::ReferenceFrame;
 use super::filter::{self, Context};
 use super::query::{AttributeWord, Entity, Noun, Order, RelationTerm, RelationWord};
 use super::scene::{polygon_contains, polygon_distance_m};
+use crate::knowledge::RoomScores;
 use crate::map::Room;
 use nalgebra::Point2;
 
@@ -15,6 +16,14 @@ const ADJOINING: f32 = 0.6;
 const UNNAMED: f32 = 0.1;
 /// Most that a room of another name scores.
 const MISNAMED: f32 = 0.3;
+/// Least that a room scores whose name is doubtful and that may be the one that is asked for.
+const DOUBTFUL: f32 = 0.35;
+/// Most that it scores: too little to be sure of while there is more to see.
+const MOST_DOUBTFUL: f32 = 0.7;
+/// Share of the votes of its likeliest name from which a room may be the one that is asked for.
+const WORTH_A_TRY: f32 = 0.1;
+/// A room is sure of its name when something that marks it is there as surely as this.
+const MARKED: f32 = 0.5;
 
 /// One constraint on rooms and how well each room meets it.
 pub(super) struct RoomFactor {
@@ -29,8 +38,7 @@ pub(super) fn evaluate(context: Context<'_, '_>, entity: &Entity, frame: &mut Re
         Noun::Room(name) => name.as_str(),
         _ => "room",
     };
-    let named = |room: &Room| name_score(context, room, asked);
-    let mut factors = vec![RoomFactor { label: format!("is a {asked}"), scores: rooms.iter().map(named).collect() }];
+    let mut factors = vec![RoomFactor { label: format!("is a {asked}"), scores: name_scores(context, asked) }];
     for term in entity.attributes.iter().filter(|term| term.kind == AttributeWord::Size) {
         let larger = |room: &Room| rooms.iter().filter(|other| other.area_m2 < room.area_m2).count();
         let share = |room: &Room| larger(room) as f32 / rooms.len().saturating_sub(1).max(1) as f32;
@@ -73,24 +81,47 @@ pub(super) fn evaluate(context: Context<'_, '_>, entity: &Entity, frame: &mut Re
     factors
 }
 
-/// How well a room fits a name: its own name, or what it holds when it has none.
-fn name_score(context: Context<'_, '_>, room: &Room, asked: &str) -> f32 {
-    let named = context.knowledge.words().rooms.find(&room.name).unwrap_or(&room.name);
-    if asked == "room" || named == asked {
-        return 1.0;
+/// How well each room fits a name: by its own name or, when no room bears the one that is asked for, by what it holds.
+///
+/// Names come from what is seen in a room, and a room is seldom without what marks it, nor does a flat often have two of
+/// one kind. A room that holds nothing of what marks its own name, or that shares its name with one that fits it better,
+/// may be the one that is meant.
+fn name_scores(context: Context<'_, '_>, asked: &str) -> Vec<f32> {
+    let rooms = &context.scene.map.rooms;
+    let own_name = |room: &Room| context.knowledge.words().rooms.find(&room.name).unwrap_or(&room.name).to_owned();
+    let names: Vec<String> = rooms.iter().map(own_name).collect();
+    if asked == "room" {
+        return vec![1.0; rooms.len()];
     }
-    let holds = context.scene.items.iter().enumerate().filter(|(i, _)| stands_in(context, *i, room));
-    let (mut fitting, mut all) = (0.0_f32, 0.0_f32);
-    for (_, item) in holds {
-        if let Some(category) = context.knowledge.find(item.object.name()).filter(|c| !c.rooms.is_empty()) {
-            // A thing that is usual in one room says more than one that is usual anywhere.
-            let weight = 1.0 / category.rooms.len() as f32;
-            all += weight;
-            fitting += if category.rooms.iter().any(|usual| usual == asked) { weight } else { 0.0 };
+    let by_content = |room: &Room| {
+        let holds = context.scene.items.iter().enumerate().filter(|(i, _)| stands_in(context, *i, room));
+        let things = holds.filter_map(|(i, item)| Some((context.scene.categories[i]?, item.object.confidence())));
+        context.knowledge.score_room_names(things)
+    };
+    let contents: Vec<RoomScores<'_>> = rooms.iter().map(by_content).collect();
+    let borne = names.iter().any(|name| name == asked);
+    let score = |i: usize| {
+        let (name, content) = (names[i].as_str(), &contents[i]);
+        let share = content.share(asked);
+        if name == asked {
+            return 1.0;
         }
-    }
-    let content = if all > 0.0 { fitting / all } else { 0.0 };
-    if named == "room" { (1.2 * content).clamp(UNNAMED, 0.9) } else { (0.6 * (content - 0.5)).clamp(0.02, MISNAMED) }
+        if name == "room" {
+            return (1.2 * share).clamp(UNNAMED, 0.9);
+        }
+        let fits_better = |other: usize| {
+            names[other] == name
+                && other != i
+                && contents[other].mark(name) >= content.mark(name)
+                && contents[other].votes(name) > content.votes(name)
+        };
+        let doubtful = content.mark(name) < MARKED || (0..rooms.len()).any(fits_better);
+        if !borne && doubtful && share >= WORTH_A_TRY {
+            return DOUBTFUL + (MOST_DOUBTFUL - DOUBTFUL) * share;
+        }
+        (0.6 * (share - 0.5)).clamp(0.02, MISNAMED)
+    };
+    (0..rooms.len()).map(score).collect()
 }
 
 fn stands_in(context: Context<'_, '_>, item: usize, room: &Room) -> bool {

@@ -13,5 +13,6 @@ mod words;
 
 pub use category::{Category, Knowledge, KnowledgeError};
 pub use lookup::Meaning;
+pub use room_names::RoomScores;
 pub use wording::{normalize, singular_of};
 pub use words::{ColorPrototype, WordList, Words};

@@ -3,43 +3,77 @@
 use super::{Category, Knowledge};
 use std::collections::BTreeMap;
 
-/// Share of its votes that a name keeps when the room holds nothing that marks it.
-const UNMARKED_SHARE: f32 = 0.35;
-/// Votes for a name by what marks it.
+/// Share of its votes that a name keeps when the room holds nothing that marks it: what a room is rarely without is seldom
+/// all missed.
+const UNMARKED_SHARE: f32 = 0.2;
+/// Votes for a name by each sort of thing that marks it.
 const MARKED: f32 = 1.0;
 /// Fewer votes name no room.
 const LEAST: f32 = 0.5;
 
+/// How well each name fits a room by what stands in it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RoomScores<'a> {
+    /// Votes by name.
+    votes: BTreeMap<&'a str, f32>,
+    /// How surely something that marks it is there, by name, 0 to 1.
+    marked: BTreeMap<&'a str, f32>,
+}
+
+impl<'a> RoomScores<'a> {
+    /// The likeliest name; `None` when the things say little.
+    pub fn best(&self) -> Option<&'a str> {
+        let best = self.votes.iter().fold(None, |best: Option<(&str, f32)>, (room, votes)| match best {
+            Some(best) if best.1 >= *votes => Some(best),
+            _ => Some((room, *votes)),
+        });
+        best.filter(|(_, votes)| *votes >= LEAST).map(|(room, _)| room)
+    }
+
+    /// Votes for a name, from 0.
+    pub fn votes(&self, room: &str) -> f32 {
+        self.votes.get(room).copied().unwrap_or(0.0)
+    }
+
+    /// How well a name fits compared with the likeliest one, 0 to 1.
+    pub fn share(&self, room: &str) -> f32 {
+        let most = self.votes.values().copied().fold(LEAST, f32::max);
+        self.votes(room) / most
+    }
+
+    /// How surely something that marks the name is there, 0 to 1.
+    pub fn mark(&self, room: &str) -> f32 {
+        self.marked.get(room).copied().unwrap_or(0.0)
+    }
+}
+
 impl Knowledge {
-    /// The likeliest name of a room that holds these things (category and confidence, 0 to 1); `None` when they say
-    /// little.
+    /// How well each name fits a room that holds these things (category and confidence, 0 to 1).
     ///
-    /// Each thing votes for the rooms in which it is usual, one vote together. A name keeps a third of its votes when
-    /// nothing that marks it is there (no bathroom without toilet, bathtub or shower), and wins one when something is.
-    pub fn find_room_name<'a>(&'a self, things: impl Iterator<Item = (&'a Category, f32)>) -> Option<&'a str> {
-        let mut votes: BTreeMap<&str, f32> = BTreeMap::new();
-        let mut marked: BTreeMap<&str, f32> = BTreeMap::new();
+    /// Each thing votes for the rooms in which it is usual, one vote together. A name wins a vote for each sort of thing
+    /// that marks it, and keeps a fifth of its votes when none of them is there (no bathroom without toilet, bathtub or
+    /// shower). Some rooms have nothing that they are rarely without: they keep all votes.
+    pub fn score_room_names<'a>(&'a self, things: impl Iterator<Item = (&'a Category, f32)>) -> RoomScores<'a> {
+        let words = self.words();
+        let mut scores = RoomScores::default();
+        let mut seen: BTreeMap<&str, f32> = BTreeMap::new();
         for (category, confidence) in things {
             // A thing found in many kinds of room says little about any of them.
             for room in &category.rooms {
-                *votes.entry(room).or_insert(0.0) += confidence / category.rooms.len() as f32;
+                *scores.votes.entry(room).or_insert(0.0) += confidence / category.rooms.len() as f32;
             }
-            for (room, marks) in &self.words().room_marks {
-                if marks.contains(&category.name) {
-                    let mark = marked.entry(room).or_insert(0.0);
-                    *mark = mark.max(confidence);
-                }
-            }
+            let best = seen.entry(&category.name).or_insert(0.0);
+            *best = best.max(confidence);
         }
-        let score = |(room, votes): (&'a str, f32)| {
-            let mark = marked.get(room).copied().unwrap_or(0.0);
-            (room, votes * (UNMARKED_SHARE + (1.0 - UNMARKED_SHARE) * mark) + MARKED * mark)
-        };
-        let best = votes.into_iter().map(score).fold(None, |best: Option<(&str, f32)>, next| match best {
-            Some(best) if best.1 >= next.1 => Some(best),
-            _ => Some(next),
-        });
-        best.filter(|(_, score)| *score >= LEAST).map(|(room, _)| room)
+        for (room, votes) in &mut scores.votes {
+            let Some(marks) = words.room_marks.get(*room) else { continue };
+            let found: Vec<f32> = marks.iter().filter_map(|mark| seen.get(mark.as_str()).copied()).collect();
+            let mark = found.iter().copied().fold(0.0, f32::max);
+            let kept = if words.unmarked_rooms.contains(*room) { 1.0 } else { UNMARKED_SHARE };
+            *votes = *votes * (kept + (1.0 - kept) * mark) + MARKED * found.iter().sum::<f32>();
+            scores.marked.insert(room, mark);
+        }
+        scores
     }
 }
 
@@ -52,7 +86,7 @@ mod tests {
     fn name(things: &[&str]) -> Option<String> {
         let knowledge = Knowledge::embedded().unwrap();
         let things: Vec<&Category> = things.iter().map(|thing| knowledge.find(thing).unwrap()).collect();
-        knowledge.find_room_name(things.into_iter().map(|category| (category, 0.9))).map(str::to_owned)
+        knowledge.score_room_names(things.into_iter().map(|category| (category, 0.9))).best().map(str::to_owned)
     }
 
     #[test]
@@ -80,5 +114,21 @@ mod tests {
         let kitchen = ["dining table", "chair", "cereal box", "fridge", "countertop", "sink"];
         assert_eq!(name(&kitchen).as_deref(), Some("kitchen"));
         assert_eq!(name(&[]), None);
+    }
+
+    #[test]
+    fn what_is_not_there_names_rooms_as_well() {
+        // No sofa and no bed: a room with a rug, a mirror and a bench is the hall, coat rack or not.
+        let hall = ["rug", "cabinet", "side table", "shelf", "mirror", "bench", "flower pot", "plant", "jar", "ball"];
+        assert_eq!(name(&hall).as_deref(), Some("hallway"));
+        // Things for washing stand here, but two washing machines and no toilet.
+        let wet = ["washing machine", "sink", "soap dispenser", "shampoo", "shampoo", "toilet paper", "laundry basket"];
+        assert_eq!(name(&wet).as_deref(), Some("laundry room"));
+        let scores = Knowledge::embedded().unwrap();
+        let things: Vec<&Category> = wet.iter().map(|thing| scores.find(thing).unwrap()).collect();
+        let scores = scores.score_room_names(things.into_iter().map(|category| (category, 0.9)));
+        assert!(scores.share("laundry room") == 1.0 && scores.mark("laundry room") > 0.8);
+        assert!((0.2..1.0).contains(&scores.share("bathroom")) && scores.mark("bathroom") == 0.0);
+        assert_eq!(scores.share("garage"), 0.0);
     }
 }

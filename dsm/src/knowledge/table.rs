@@ -3,7 +3,7 @@
 use super::category::{Category, KnowledgeError};
 use super::words::{ColorPrototype, WordList, Words};
 use serde::Deserialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -66,6 +66,7 @@ struct WordTable {
     rooms: BTreeMap<String, WordRow>,
     purposes: BTreeMap<String, WordRow>,
     room_marks: BTreeMap<String, Vec<String>>,
+    unmarked_rooms: BTreeSet<String>,
 }
 
 #[derive(Deserialize)]
@@ -138,5 +139,6 @@ pub(super) fn read_words(text: &str) -> Result<Words, KnowledgeError> {
         rooms: list(table.rooms),
         purposes: list(table.purposes),
         room_marks: table.room_marks,
+        unmarked_rooms: table.unmarked_rooms,
     })
 }

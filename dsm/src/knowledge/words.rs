@@ -1,7 +1,7 @@
 //! Lists of describing words.
 
 use super::wording::normalize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Words of one sort; each synonym leads to its canonical word.
 #[derive(Clone, Debug, Default)]
@@ -42,6 +42,8 @@ pub struct Words {
     pub purposes: WordList,
     /// Categories of which a room of a name rarely has none.
     pub room_marks: BTreeMap<String, Vec<String>>,
+    /// Names of rooms that may well hold nothing of what marks them.
+    pub unmarked_rooms: BTreeSet<String>,
 }
 
 impl WordList {

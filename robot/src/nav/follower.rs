@@ -154,6 +154,11 @@ impl Follower {
         &self.path
     }
 
+    /// Says what was sent of the last command, when something else held the base back: the next one goes on from there.
+    pub fn note_sent(&mut self, sent: Twist) {
+        self.command = sent;
+    }
+
     /// The next command, `dt_s` after the last one. `measured` is the velocity of the base, `costmap` the newest one,
     /// `limits` what the cameras showed a moment ago.
     pub fn tick(

@@ -13,6 +13,8 @@ use std::sync::Arc;
 
 /// The path is planned anew this often while driving.
 const REPLAN_EVERY: Span = Span(1_000_000_000);
+/// Fingers that are closer together hold nothing, metres.
+const HOLDS_M: f64 = 0.008;
 /// So many failed plans or blocked moves end the drive.
 const MAX_TROUBLE: u32 = 6;
 
@@ -29,6 +31,8 @@ pub enum DriveOutcome {
     Blocked(String),
     /// Its time is up.
     TimeUp,
+    /// The hand has lost what it held.
+    Dropped,
 }
 
 /// Whether a new map tells the caller enough.
@@ -95,11 +99,17 @@ impl<'a> Drive<'a> {
             if self.end.is_some_and(|end| now >= end) {
                 return Ok(DriveOutcome::TimeUp);
             }
+            if agent.held().is_some() && agent.grip_state()?.width_m < HOLDS_M {
+                agent.rest(Span::from_s(0.5))?;
+                return Ok(DriveOutcome::Dropped);
+            }
             let world_from_base = agent.world_from_base()?;
             let velocity = agent.base_velocity()?;
             let limits = agent.live.find_speed_limits(&world_from_base, costmap.footprint_radius_m(), &self.nav.live);
             let output = follower.tick(&world_from_base, velocity, &costmap, &limits, agent.period().as_s());
-            agent.tick(output.twist, &still)?;
+            let sent = agent.slowed(output.twist)?;
+            follower.note_sent(sent);
+            agent.tick(sent, &still)?;
             match output.status {
                 FollowStatus::Following { .. } => {}
                 FollowStatus::Arrived => return Ok(DriveOutcome::Arrived),

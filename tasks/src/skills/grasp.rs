@@ -394,7 +394,7 @@ fn choose_grasp(agent: &mut Agent, settings: &GraspSettings, target: &Target) ->
 }
 
 /// Opens the hand, backs off with arm and base, and folds the arm, best effort.
-pub(super) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
+pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
     const BACK_M: f64 = 0.45;
     const SPEED_M_PER_S: f64 = 0.15;
     let opening_m = agent.model().settings.gripper.max_aperture_m;
@@ -430,7 +430,8 @@ pub(super) fn back_off(agent: &mut Agent, distance_m: f64, speed_m_per_s: f64) -
     let start = agent.odom_from_base()?;
     let radius_m = agent.model().settings.base.footprint_radius_m;
     let begin = agent.now();
-    while (agent.now() - begin).as_s() < 1.5 * distance_m / speed_m_per_s {
+    // Beside things the arm slows the base.
+    while (agent.now() - begin).as_s() < 3.0 * distance_m / speed_m_per_s {
         let gone_m = (agent.odom_from_base()?.translation.vector - start.translation.vector).norm();
         let world_from_base = agent.world_from_base()?;
         let map = agent.map();

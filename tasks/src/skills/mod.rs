@@ -13,6 +13,7 @@ pub mod navigate;
 pub mod obstacles;
 pub mod place;
 pub mod search;
+mod seen;
 pub mod spots;
 mod target;
 mod wrist;

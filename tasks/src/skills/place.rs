@@ -6,11 +6,12 @@ use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around}
 use super::grasp::{GraspSettings, finger_links, retreat, seeds};
 use super::held::{Held, carry, carrying, obstacles_but_held};
 use super::navigate::navigate_to_object;
+use super::seen::{find_put_down, look_from_aside};
 use super::spots::{Spot, find_spots};
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
-use dsm::map::{Map, ObjectId};
+use dsm::map::ObjectId;
 use dsm::time::Span;
 use dsm_robot::control::{IkRequest, find_ik};
 use dsm_robot::joints::JointPositions;
@@ -50,6 +51,10 @@ pub fn place(
                 agent.note(format!("place attempt {attempt} failed ({stage:?}): {reason}"));
                 let nowhere = stage == Stage::Planning;
                 last = (stage, reason);
+                if agent.held().is_some() && agent.grip_state()?.width_m < settings.min_width_m {
+                    agent.hold(None);
+                    last = (Stage::Hold, "the object slipped out of the fingers on the way".into());
+                }
                 if agent.held().is_none() {
                     break;
                 }
@@ -162,61 +167,16 @@ fn try_place(
     agent.gaze = Gaze::Point(spot.point + Vector3::new(0.0, 0.0, 0.5 * held.load.height_m));
     agent.rest(Span::from_s(1.5))?;
     agent.note("looks at what was put down");
-    let seen = count_points_on(agent, &spot, held);
-    if seen >= MIN_POINTS_SEEN {
-        return Ok(Ok(format!("put down; {seen} points are seen there")));
+    if let Some(reason) = find_put_down(agent, &before, surface, &spot, held) {
+        return Ok(Ok(reason));
     }
-    let elsewhere = count_new_points(agent, &before, surface, &spot, held);
-    if elsewhere >= MIN_POINTS_SEEN {
-        return Ok(Ok(format!("put down; it lies elsewhere on the surface, where {elsewhere} new points are seen")));
+    // The surface, or what stands on it, may hide it from here.
+    if look_from_aside(agent, nav, &spot, held)?
+        && let Some(reason) = find_put_down(agent, &before, surface, &spot, held)
+    {
+        return Ok(Ok(reason));
     }
-    Ok(Err((Stage::Place, format!("only {seen} points are seen where the object was put"))))
-}
-
-/// Depth points on the spot from which the object counts as seen there.
-const MIN_POINTS_SEEN: usize = 25;
-
-/// Points of the newest head frame over a spot, no higher than the load.
-fn count_points_on(agent: &Agent, spot: &Spot, held: &Held) -> usize {
-    let Some(seen) = agent.find_frame("head") else { return 0 };
-    let frame = &seen.frame;
-    let radius_m = held.load.radius_m + 0.04;
-    (0..frame.depth_m.len())
-        .filter_map(|pixel| Some(frame.world_from_camera * frame.find_point_in_camera(pixel)?))
-        .filter(|p| (p.xy() - spot.point.xy()).norm() < radius_m)
-        .filter(|p| p.z > spot.point.z + 0.015 && p.z < spot.point.z + held.load.height_m + 0.04)
-        .count()
-}
-
-/// Points of the newest head frame over the surface, no higher than the load, where the map from before the load was let
-/// go holds nothing.
-fn count_new_points(agent: &Agent, before: &Map, surface: ObjectId, spot: &Spot, held: &Held) -> usize {
-    /// Inside the outline of the surface by this much, metres: a wall behind it is not on it.
-    const INSIDE_M: f64 = 0.03;
-    /// Nearer to a known point it is known, metres: depth noise, and a pose that wanders by 3 cm.
-    const KNOWN_M: f64 = 0.06;
-    let (Some(seen), Some(board)) = (agent.find_frame("head"), before.find_object(surface)) else { return 0 };
-    let around = board.bounds.aabb();
-    let over = |p: &Point3<f64>| {
-        let level = Point3::new(p.x, p.y, board.bounds.center.z);
-        let z_m = p.z - spot.point.z;
-        (0.02..held.load.height_m.max(2.0 * held.load.radius_m) + 0.04).contains(&z_m)
-            && board.bounds.contains(&level, -INSIDE_M)
-    };
-    let known: Vec<Point3<f64>> = before
-        .objects
-        .values()
-        .filter(|object| object.id != held.id)
-        .flat_map(|object| object.points.iter().map(|point| point.position.cast::<f64>()))
-        .filter(|p| {
-            p.z > spot.point.z + 0.02 && around.grown(KNOWN_M).contains(&Point3::new(p.x, p.y, board.bounds.center.z))
-        })
-        .collect();
-    let frame = &seen.frame;
-    let points = (0..frame.depth_m.len())
-        .step_by(2)
-        .filter_map(|pixel| Some(frame.world_from_camera * frame.find_point_in_camera(pixel)?));
-    points.filter(over).filter(|p| known.iter().all(|k| (k - p).norm() > KNOWN_M)).count()
+    Ok(Err((Stage::Place, "it is not seen where it was put, from two sides".into())))
 }
 
 /// The tool's pose in the base frame for putting the load on a spot, with the hand turned about the vertical.

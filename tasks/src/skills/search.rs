@@ -45,7 +45,8 @@ fn can_be_settled_early(query: &Query) -> bool {
 }
 
 /// Grounds `text`, exploring as long as the answer is not sure and something is left to see before `end`. Before it says
-/// that nothing fits, or too much does, it looks once more from other sides where the words say that the thing is.
+/// that nothing fits, too much does, or one does hardly, it looks once more from other sides where the words say that the
+/// thing is.
 pub fn search(
     agent: &mut Agent,
     explorer: &mut Explorer,
@@ -58,7 +59,7 @@ pub fn search(
     if thoroughness == Thoroughness::Enough && explorer.is_complete() {
         // On a finished map what is plain needs no further look.
         let known = answer(agent, grounder, text)?;
-        if known.status == GroundingStatus::Found && known.score >= SURE_SCORE {
+        if is_sure(&known) {
             return Ok(known);
         }
     }
@@ -101,7 +102,10 @@ pub fn search(
     }
     let first = answer(agent, grounder, text)?;
     let doubtful = match first.status {
-        GroundingStatus::Found | GroundingStatus::Unparsed => return Ok(first),
+        GroundingStatus::Unparsed => return Ok(first),
+        GroundingStatus::Found if is_sure(&first) => return Ok(first),
+        // What is only nearly as the words say is taken when a second look shows nothing better.
+        GroundingStatus::Found => named.find_places(agent.map(), knowledge),
         GroundingStatus::Ambiguous => find_rivals(&first),
         GroundingStatus::Absent => named.find_places(agent.map(), knowledge),
     };
@@ -110,6 +114,11 @@ pub fn search(
         return answer(agent, grounder, text);
     }
     Ok(first)
+}
+
+/// Whether an answer needs no further look.
+fn is_sure(answer: &Grounding) -> bool {
+    answer.status == GroundingStatus::Found && answer.score >= SURE_SCORE
 }
 
 /// What the words mean in the map as it is.
@@ -196,5 +205,31 @@ impl Named {
         places.extend(carriers);
         places.truncate(MOST_LOOKS);
         places
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: what only nearly fits is looked at again.
+    use super::*;
+    use dsm::ground::ReferenceFrame;
+
+    #[test]
+    fn an_orange_on_a_shelf_is_not_at_once_the_one_on_the_cabinet() {
+        let answer = |status, score| Grounding {
+            status,
+            object_id: Some(ObjectId(331)),
+            room_id: None,
+            score,
+            candidates: Vec::new(),
+            decided_by: String::new(),
+            frame: ReferenceFrame::None,
+            backend: String::new(),
+            query: None,
+        };
+        // A shelf is half a cabinet to the words; the orange on the cabinet had not been seen yet.
+        assert!(!is_sure(&answer(GroundingStatus::Found, 0.55)));
+        assert!(is_sure(&answer(GroundingStatus::Found, 0.94)));
+        assert!(!is_sure(&answer(GroundingStatus::Ambiguous, 0.94)));
     }
 }

@@ -248,6 +248,28 @@ fn rooms_are_targets() {
 }
 
 #[test]
+fn a_doubtful_name_gives_way_to_the_one_that_is_asked_for() {
+    let things = vec![
+        thing(1, "bed", [0.0, 0.0, 0.3], [2.0, 1.6, 0.6]).in_room(1),
+        thing(2, "mirror", [1.0, 0.0, 1.4], [0.6, 0.05, 0.8]).in_room(1),
+        thing(3, "sofa", [6.0, 0.0, 0.4], [1.8, 0.8, 0.8]).in_room(2),
+        thing(4, "bench", [6.0, 1.0, 0.4], [1.2, 0.4, 0.4]).in_room(2),
+        thing(5, "bench", [12.0, 0.0, 0.4], [1.2, 0.4, 0.4]).in_room(3),
+        thing(6, "rug", [12.0, 1.0, 0.01], [1.2, 0.8, 0.02]).in_room(3),
+    ];
+    let square = |id, name, x: f64| room(id, name, [x - 2.0, -2.0, x + 2.0, 2.0], &[]);
+    let rooms = vec![square(1, "bedroom", 0.0), square(2, "living room", 6.0), square(3, "living room", 12.0)];
+    let map = with_rooms(map_of(things), rooms);
+    let answer = ground(&map, "go to the hallway");
+    assert_eq!((answer.status, answer.room_id), (GroundingStatus::Found, Some(RoomId(3))), "{answer:#?}");
+    assert_found(&ground(&map, "the bench in the hallway"), 5, "the bench in a room whose name is doubtful");
+    assert!(ground(&map, "the bench in the hallway").score < 0.72, "more may be seen yet");
+    // Where a room bears the name, the others keep theirs; what holds nothing of a kitchen is none.
+    assert_eq!(ground(&map, "go to the bedroom").room_id, Some(RoomId(1)));
+    assert_status(&ground(&map, "go to the kitchen"), GroundingStatus::Absent, "nothing of a kitchen is here");
+}
+
+#[test]
 fn a_room_without_a_name_is_known_by_what_it_holds() {
     let things = [
         thing(1, "stove", [0.0, 0.0, 0.4], [0.6, 0.6, 0.9]).in_room(1),
