@@ -21,7 +21,7 @@ use crate::camera::{
 };
 pub use crate::detect::{DetectorPreset as Perception, LabelIds};
 use crate::detect::{SimDetector, label_channel};
-use crate::physics::{PhysicsConfig, PhysicsError, RapierPhysics, RobotBody, RobotStart, settle_scene};
+use crate::physics::{Engine, Physics, PhysicsConfig, PhysicsError, Rapier, RobotBody, RobotStart, settle_scene};
 use crate::replay::Moment;
 use crate::robot::{LocalisationConfig, LocalisationNoise, SimRobot, SimRobotError};
 use crate::scene::{BodyMotion, SceneError, SceneModel, Semantics, SemanticsError, scene_file};
@@ -101,7 +101,7 @@ impl From<SceneError> for WorldError {
 }
 
 /// What a world is built with besides scene and robot.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct WorldConfig {
     /// Seed of everything that is drawn: start pose, placement, light, noise. Default 0.
     pub seed: u64,
@@ -109,12 +109,26 @@ pub struct WorldConfig {
     pub perception: Perception,
     /// Where the robot starts; drawn from the seed when absent (the default).
     pub start: Option<StartPose>,
-    /// Parameters of the physics.
-    pub physics: PhysicsConfig,
+    /// The engine that runs the world; default rapier. What the seed draws comes to rest in rapier whatever runs, so
+    /// that a seed places things alike on all.
+    pub engine: Arc<dyn Engine>,
     /// Which label ids the cameras hand to the detector; they make no difference.
     pub label_ids: LabelIds,
     /// Gets what is needed to see each image again; `None` by default.
     pub recorder: Option<Sender<Moment>>,
+}
+
+impl Default for WorldConfig {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            perception: Perception::default(),
+            start: None,
+            engine: Arc::new(Rapier::default()),
+            label_ids: LabelIds::default(),
+            recorder: None,
+        }
+    }
 }
 
 /// A world at rest, ready to run.
@@ -154,7 +168,7 @@ impl World {
             .find_posture(START_POSTURE)
             .map_or_else(Vec::new, |posture| posture.iter().map(|(name, value)| (name.to_owned(), value)).collect());
         let start = RobotStart { x_m: start.x_m, y_m: start.y_m, yaw_rad: start.yaw_rad, joints };
-        let physics = RapierPhysics::new(&model, &body, &start, config.physics)?;
+        let physics = config.engine.build(&model, &body, &start)?;
         let parts = connect(&model, &semantics, &robot, &body, physics, &config)?;
         Ok(Self { scene: model, semantics, solids, robot_height_m: base.height_m, parts })
     }
@@ -197,7 +211,7 @@ pub(crate) fn settle(
 ) -> Result<(), WorldError> {
     let authored: Vec<Pose> = model.bodies.iter().map(|body| body.world_from_body).collect();
     draw_placements(model, semantics, solids, config.seed);
-    let mut rested = settle_scene(model, REST, config.physics)?;
+    let mut rested = settle_scene(model, REST, PhysicsConfig::default())?;
     let fallen = |model: &SceneModel, rested: &[Pose]| {
         let moved = |(body, pose): (&crate::scene::SceneBody, &Pose)| {
             let shift = body.world_from_body.translation.vector - pose.translation.vector;
@@ -210,7 +224,7 @@ pub(crate) fn settle(
         for (body, pose) in model.bodies.iter_mut().zip(&authored) {
             body.world_from_body = *pose;
         }
-        rested = settle_scene(model, REST, config.physics)?;
+        rested = settle_scene(model, REST, PhysicsConfig::default())?;
     }
     for (body, pose) in model.bodies.iter_mut().zip(rested) {
         if body.motion == BodyMotion::Free {
@@ -248,10 +262,9 @@ fn connect(
     semantics: &Semantics,
     robot: &RobotModel,
     body: &RobotBody,
-    physics: RapierPhysics,
+    physics: Box<dyn Physics>,
     config: &WorldConfig,
 ) -> Result<WorldParts, WorldError> {
-    use crate::physics::Physics as _;
     let seed = config.seed;
     let (labels, label_receiver) = label_channel(config.label_ids);
     let (view_sender, views) = channel();
@@ -266,9 +279,9 @@ fn connect(
     let base = &robot.settings.base;
     let size_m = (base.footprint_radius_m, base.height_m);
     let mut sampler = TruthSampler::new(truth_sender, views, model, semantics, Solids::new(model)?, size_m);
-    sampler.observe(&physics);
+    sampler.observe(physics.as_ref());
     let localisation = LocalisationConfig { seed, noise: localisation };
-    let robot = SimRobot::new(Box::new(physics), robot, Box::new(imager), localisation)?
+    let robot = SimRobot::new(physics, robot, Box::new(imager), localisation)?
         .with_observer(Box::new(move |physics| sampler.observe(physics)));
     let detector = SimDetector::new(label_receiver, model, semantics, config.perception, seed);
     Ok(WorldParts { robot, detector, truth })

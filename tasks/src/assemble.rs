@@ -1,5 +1,6 @@
 //! Puts a run together: scene, robot, world, detector, judge. The only place that knows all of them.
 
+use crate::engine::find_engine;
 use crate::error::TaskError;
 use crate::joint_bounds::JointBounds;
 use crate::judge::Judge;
@@ -74,7 +75,8 @@ fn load(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<(Arc<RobotMo
     let perception = preset(spec);
     let label_ids = if spec.permute_labels { LabelIds::PermutedPerFrame } else { LabelIds::default() };
     let start = spec.episode.start.map(|s| StartPose { x_m: s.x_m, y_m: s.y_m, yaw_rad: s.yaw_rad });
-    let config = WorldConfig { seed: spec.seed, perception, start, label_ids, recorder, ..WorldConfig::default() };
+    let engine = find_engine(&spec.physics)?;
+    let config = WorldConfig { seed: spec.seed, perception, start, engine, label_ids, recorder };
     let world = World::load(&spec.scene, model.clone(), config)?;
     Ok((model, world))
 }

@@ -14,6 +14,7 @@ pub mod agent;
 pub mod assemble;
 pub mod cli;
 pub mod deferred;
+pub mod engine;
 pub mod episode;
 pub mod episode_generator;
 pub mod error;

@@ -1,6 +1,7 @@
 //! What a run uses, and where each value came from: flag > environment > episode > robot.toml > default.
 
 use crate::cli::{PerceptionChoice, PhysicsChoice, WorldArgs};
+use crate::engine::find_engine;
 use crate::episode::Episode;
 use crate::error::TaskError;
 use clap::ValueEnum;
@@ -100,14 +101,7 @@ impl Settings {
                 self.perception.value
             )));
         }
-        match PhysicsChoice::from_str(&self.physics.value, false) {
-            Ok(PhysicsChoice::Rapier) => Ok(()),
-            Ok(PhysicsChoice::Mujoco) => Err(TaskError::NotBuiltIn {
-                feature: "physics `mujoco`".into(),
-                hint: "this program has rapier only".into(),
-            }),
-            Err(_) => Err(TaskError::Usage(format!("physics is `{}`; expected rapier or mujoco", self.physics.value))),
-        }
+        find_engine(&self.physics.value).map(|_| ())
     }
 }
 

@@ -9,11 +9,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each crate's folder, its package, and the packages of ours that it may use.
-const CRATES: [(&str, &str, &[&str]); 5] = [
+const CRATES: [(&str, &str, &[&str]); 6] = [
     ("dsm", "dsm", &[]),
     ("robot", "dsm-robot", &["dsm"]),
     ("sim", "dsm-sim", &["dsm", "dsm-robot"]),
-    ("tasks", "dsm-tasks", &["dsm", "dsm-robot", "dsm-sim"]),
+    ("sim/mujoco", "dsm-sim-mujoco", &["dsm", "dsm-robot", "dsm-sim"]),
+    ("tasks", "dsm-tasks", &["dsm", "dsm-robot", "dsm-sim", "dsm-sim-mujoco"]),
     ("tests", "scenarios", &["dsm", "dsm-robot", "dsm-sim", "dsm-tasks"]),
 ];
 

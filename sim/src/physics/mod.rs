@@ -1,8 +1,8 @@
 //! Physics behind one trait.
 //!
 //! ```text
-//! SceneModel + RobotBody ──build──▶ RapierPhysics ──step──▶ poses, joint states, contacts
-//!        joint targets, base twist ───────▲
+//! SceneModel + RobotBody ──Engine::build──▶ Physics ──step──▶ poses, joint states, contacts
+//!               joint targets, base twist ────▲
 //! ```
 //!
 //! The robot is one articulated body: three force-limited drives move its base over the floor (x, y and yaw), motors
@@ -11,18 +11,24 @@
 
 mod convert;
 mod drive;
+mod inertia;
+mod motors;
 mod rapier;
 mod robot_body;
 mod robot_spec;
 mod settle;
 mod shapes;
 
+pub use convert::from_urdf_origin;
 pub(crate) use convert::{from_vector, to_pose};
-pub use rapier::{RapierPhysics, RobotStart};
-pub use robot_spec::{BaseDrive, FingerPair, RobotBody};
+pub use inertia::{BodyInertia, body_inertia};
+pub use motors::{Motors, Setpoint};
+pub use rapier::{Rapier, RapierPhysics};
+pub use robot_spec::{BaseDrive, FingerPair, LINK_FRICTION, MovingJoint, RobotBody, RobotStart};
 pub(crate) use settle::settle_scene;
 pub(crate) use shapes::scene_shape;
 
+use crate::scene::SceneModel;
 use dsm::Pose;
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::Twist;
@@ -30,6 +36,15 @@ use dsm_robot::joints::{JointNames, JointPositions, JointVelocities};
 use nalgebra::{Point3, Vector3};
 use std::path::PathBuf;
 use thiserror::Error;
+
+/// Standard gravity, m/s^2.
+pub const GRAVITY_M_PER_S2: f64 = 9.80665;
+/// Rolling and air resistance as damping of free bodies, 1/s: without it a round fruit would roll for ever.
+pub const LINEAR_DAMPING_PER_S: f64 = 0.05;
+/// The same for turning, 1/s.
+pub const ANGULAR_DAMPING_PER_S: f64 = 1.0;
+/// Thickness of the slab that stands for a bounded plane, metres.
+pub const SLAB_M: f64 = 0.1;
 
 /// What a contact is between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -137,6 +152,14 @@ pub enum PhysicsError {
         /// The joints or links given.
         got: Vec<String>,
     },
+    /// The engine refuses the world.
+    #[error("{engine}: {reason}")]
+    Refused {
+        /// The engine.
+        engine: &'static str,
+        /// What it says.
+        reason: String,
+    },
     /// A parameter out of its range.
     #[error("{name} = {value} is out of range: {expected}")]
     OutOfRange {
@@ -149,7 +172,7 @@ pub enum PhysicsError {
     },
 }
 
-/// Parameters of the simulation. The defaults were measured by `examples/spike.rs`: the cheapest setting that holds
+/// Parameters of rapier. The defaults were measured by `examples/spike.rs`: the cheapest setting that holds
 /// every object of the table with less than 4 mm of slip and 0.5 mm of tool error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhysicsConfig {
@@ -165,6 +188,21 @@ impl Default for PhysicsConfig {
     fn default() -> Self {
         Self { step: Span(5_000_000), solver_iterations: 4, sweeps: 2 }
     }
+}
+
+/// What makes worlds: which engine runs, and its parameters.
+pub trait Engine: std::fmt::Debug + Send + Sync {
+    /// Puts the scene and the robot into a world of this engine.
+    ///
+    /// # Errors
+    /// [`PhysicsError`] for shapes without volume, free bodies without mass, unknown links or joints, values out of
+    /// range.
+    fn build(
+        &self,
+        scene: &SceneModel,
+        robot: &RobotBody,
+        start: &RobotStart,
+    ) -> Result<Box<dyn Physics>, PhysicsError>;
 }
 
 /// A world in motion. Only [`Physics::step`] changes it; reading never does.

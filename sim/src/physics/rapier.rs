@@ -1,11 +1,14 @@
 //! Physics on rapier.
 
 use super::convert::{from_point, from_pose, from_vector, to_pose};
-use super::drive::Drive;
-use super::robot_body::{BuiltRobot, JointPlace, build_robot, find_link_of_tag};
-use super::robot_spec::RobotBody;
+use super::drive::{after_step, before_step};
+use super::inertia::density;
+use super::motors::Motors;
+use super::robot_body::{BuiltRobot, build_robot, find_link_of_tag};
+use super::robot_spec::{RobotBody, RobotStart};
 use super::shapes::scene_shape;
-use super::{BodyVelocity, Contact, ContactParty, JointTarget, Physics, PhysicsConfig, PhysicsError};
+use super::{ANGULAR_DAMPING_PER_S, GRAVITY_M_PER_S2, LINEAR_DAMPING_PER_S};
+use super::{BodyVelocity, Contact, ContactParty, Engine, JointTarget, Physics, PhysicsConfig, PhysicsError};
 use crate::scene::{BodyMotion, SceneBody, SceneModel};
 use dsm::Pose;
 use dsm::time::{Span, Stamp};
@@ -15,26 +18,22 @@ use nalgebra::{Point3, Vector3};
 use rapier3d::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Standard gravity, m/s^2.
-const GRAVITY: f32 = 9.80665;
-/// Rolling and air resistance as damping of free bodies, 1/s: without it a round fruit would roll for ever.
-const LINEAR_DAMPING: f32 = 0.05;
-const ANGULAR_DAMPING: f32 = 1.0;
-
 /// Natural frequency of contacts, Hz.
 const CONTACT_HZ: f32 = 100.0;
 
-/// Where the robot stands at the start.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RobotStart {
-    /// Position on the floor, metres, and yaw, radians.
-    pub x_m: f64,
-    /// See [`RobotStart::x_m`].
-    pub y_m: f64,
-    /// Heading about +z.
-    pub yaw_rad: f64,
-    /// Joint values by name; joints left out start at 0 (or the limit nearest to 0).
-    pub joints: Vec<(String, f64)>,
+/// Rapier as the engine of a world.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rapier(pub PhysicsConfig);
+
+impl Engine for Rapier {
+    fn build(
+        &self,
+        scene: &SceneModel,
+        robot: &RobotBody,
+        start: &RobotStart,
+    ) -> Result<Box<dyn Physics>, PhysicsError> {
+        Ok(Box::new(RapierPhysics::new(scene, robot, start, self.0)?))
+    }
 }
 
 /// The world on rapier, single precision, deterministic on one thread.
@@ -42,7 +41,7 @@ pub struct RapierPhysics {
     world: PhysicsWorld,
     scene_bodies: Vec<RigidBodyHandle>,
     robot: BuiltRobot,
-    drive: Drive,
+    motors: Motors,
     filter: IgnoredPairs,
     step: Span,
     steps: i64,
@@ -81,16 +80,13 @@ impl RapierPhysics {
             scene_bodies.push(insert_body(&mut world, scene, index, body)?);
         }
         let built = build_robot(robot, &mut world)?;
-        let positions = place_robot(&mut world, &built, start)?;
-        let drive = Drive::new(
-            &built,
-            robot.drive,
-            robot.fingers.max_force_n,
-            [start.x_m, start.y_m, start.yaw_rad],
-            &positions,
-        );
+        let positions = robot.start_positions(&built.moving, start)?;
+        place_robot(&mut world, &built, start, &positions);
+        let fingers = (built.finger_joints, robot.fingers.max_force_n);
+        let base = [start.x_m, start.y_m, start.yaw_rad];
+        let motors = Motors::new(&built.moving, fingers, robot.drive, base, &positions);
         let filter = IgnoredPairs(built.ignored.clone());
-        Ok(Self { world, scene_bodies, robot: built, drive, filter, step: config.step, steps: 0 })
+        Ok(Self { world, scene_bodies, robot: built, motors, filter, step: config.step, steps: 0 })
     }
 
     fn find_party(&self, collider: ColliderHandle) -> Option<ContactParty> {
@@ -131,7 +127,8 @@ impl RapierPhysics {
 
 /// An empty world with our gravity and solver settings.
 pub(super) fn new_world(config: PhysicsConfig) -> PhysicsWorld {
-    let mut world = PhysicsWorld { gravity: Vector::new(0.0, 0.0, -GRAVITY), ..PhysicsWorld::default() };
+    let mut world =
+        PhysicsWorld { gravity: Vector::new(0.0, 0.0, -GRAVITY_M_PER_S2 as f32), ..PhysicsWorld::default() };
     world.integration_parameters.dt = config.step.as_s() as f32;
     world.integration_parameters.num_solver_iterations = config.solver_iterations;
     world.integration_parameters.num_internal_pgs_iterations = config.sweeps;
@@ -167,7 +164,9 @@ pub(super) fn insert_body(
 ) -> Result<RigidBodyHandle, PhysicsError> {
     let builder = match body.motion {
         BodyMotion::Fixed => RigidBodyBuilder::fixed(),
-        BodyMotion::Free => RigidBodyBuilder::dynamic().linear_damping(LINEAR_DAMPING).angular_damping(ANGULAR_DAMPING),
+        BodyMotion::Free => RigidBodyBuilder::dynamic()
+            .linear_damping(LINEAR_DAMPING_PER_S as f32)
+            .angular_damping(ANGULAR_DAMPING_PER_S as f32),
     };
     let handle = world.insert_body(builder.pose(to_pose(&body.world_from_body)));
     let mut shapes = Vec::new();
@@ -175,16 +174,7 @@ pub(super) fn insert_body(
         let (geom_from_shape, shape) = scene_shape(scene, &body.name, &geom.shape, body.motion)?;
         shapes.push((to_pose(&geom.body_from_geom) * geom_from_shape, shape, geom.friction as f32));
     }
-    if body.motion == BodyMotion::Free && !(body.mass_kg > 0.0 && body.mass_kg.is_finite()) {
-        return Err(PhysicsError::NoMass { name: body.name.clone(), mass_kg: body.mass_kg });
-    }
-    // The mass is spread over the geoms by volume.
-    let volume: f32 = shapes.iter().map(|(_, shape, _)| shape.mass_properties(1.0).mass()).sum();
-    let density = if body.motion == BodyMotion::Free { body.mass_kg as f32 / volume } else { 0.0 };
-    if !density.is_finite() {
-        let reason = "a free body needs a colliding geom with volume".into();
-        return Err(PhysicsError::BadShape { owner: body.name.clone(), reason });
-    }
+    let density = density(body, shapes.iter().map(|(_, shape, _)| shape))?;
     for (pose, shape, friction) in shapes {
         let collider = ColliderBuilder::new(shape)
             .position(pose)
@@ -201,27 +191,14 @@ pub(super) fn insert_body(
     Ok(handle)
 }
 
-/// Moves base and joints to the start and returns the joint values.
-fn place_robot(world: &mut PhysicsWorld, robot: &BuiltRobot, start: &RobotStart) -> Result<Vec<f64>, PhysicsError> {
-    let mut positions: Vec<f64> = robot.joints.iter().map(|j| 0.0_f64.clamp(j.lower, j.upper)).collect();
-    for (name, value) in &start.joints {
-        let index = robot.joint_names.iter().position(|n| **n == **name).ok_or_else(|| PhysicsError::NoJoint {
-            name: name.clone(),
-            known: robot.joint_names.iter().map(|n| n.to_string()).collect(),
-        })?;
-        let JointPlace { lower, upper, .. } = robot.joints[index];
-        if !(lower..=upper).contains(value) {
-            let expected = format!("{lower} to {upper}");
-            return Err(PhysicsError::OutOfRange { name: name.clone(), value: *value, expected });
-        }
-        positions[index] = *value;
-    }
+/// Moves base and joints to the start.
+fn place_robot(world: &mut PhysicsWorld, robot: &BuiltRobot, start: &RobotStart, positions: &[f64]) {
     let PhysicsWorld { multibody_joints, bodies, .. } = world;
     let index = |multibody: &Multibody, link: usize| multibody.link(link).map_or(0, |l| l.assembly_id());
     let offsets: Vec<Option<(usize, f32)>> = robot
         .joints
         .iter()
-        .zip(&positions)
+        .zip(positions)
         .map(|(place, value)| {
             let (multibody, link) = multibody_joints.get(place.joint)?;
             Some((index(multibody, link), *value as f32))
@@ -249,7 +226,6 @@ fn place_robot(world: &mut PhysicsWorld, robot: &BuiltRobot, start: &RobotStart)
         multibody.forward_kinematics(bodies, true);
         multibody.update_rigid_bodies(bodies, true);
     }
-    Ok(positions)
 }
 
 fn multibody_link(multibody: &Multibody, body: RigidBodyHandle) -> usize {
@@ -266,9 +242,9 @@ impl Physics for RapierPhysics {
     }
 
     fn step(&mut self) {
-        self.drive.before_step(&self.robot, &mut self.world, self.step.as_s());
+        before_step(&mut self.motors, &self.robot, &mut self.world, self.step.as_s());
         self.world.step_with_events(&self.filter, &());
-        self.drive.after_step(&self.robot, &self.world, self.step.as_s());
+        after_step(&mut self.motors, &self.robot, &self.world, self.step.as_s());
         self.steps += 1;
     }
 
@@ -309,7 +285,7 @@ impl Physics for RapierPhysics {
     }
 
     fn command_base(&mut self, twist: Twist) {
-        self.drive.command_base(twist);
+        self.motors.command_base(twist);
     }
 
     fn joint_names(&self) -> &JointNames {
@@ -318,22 +294,26 @@ impl Physics for RapierPhysics {
 
     fn joint_positions(&self) -> JointPositions {
         let mut positions = JointPositions::zeros(&self.robot.joint_names);
-        positions.values_mut().iter_mut().zip(self.drive.positions()).for_each(|(value, position)| *value = position);
+        positions.values_mut().iter_mut().zip(self.motors.positions()).for_each(|(value, position)| *value = position);
         positions
     }
 
     fn joint_velocities(&self) -> JointVelocities {
         let mut velocities = JointVelocities::zeros(&self.robot.joint_names);
-        velocities.values_mut().iter_mut().zip(self.drive.velocities()).for_each(|(value, velocity)| *value = velocity);
+        velocities
+            .values_mut()
+            .iter_mut()
+            .zip(self.motors.velocities())
+            .for_each(|(value, velocity)| *value = velocity);
         velocities
     }
 
     fn joint_effort(&self, joint: usize) -> f64 {
-        self.drive.effort(joint)
+        self.motors.effort(joint)
     }
 
     fn command_joint(&mut self, joint: usize, target: JointTarget) {
-        self.drive.command_joint(joint, target);
+        self.motors.command_joint(joint, target);
     }
 
     fn contacts(&self) -> Vec<Contact> {

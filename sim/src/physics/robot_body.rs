@@ -2,7 +2,7 @@
 
 use super::PhysicsError;
 use super::convert::{from_urdf_origin, to_pose, to_vector};
-use super::robot_spec::RobotBody;
+use super::robot_spec::{LINK_FRICTION, MovingJoint, RobotBody};
 use super::shapes::urdf_shape;
 use dsm::Pose;
 use dsm_robot::joints::JointNames;
@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rapier3d::prelude::*;
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use urdf_rs::{Joint, JointType, Link, Robot as Urdf};
+use urdf_rs::{Joint, JointType, Link};
 
 /// A link of the URDF: rigidly on a rigid body.
 pub(super) struct LinkPlace {
@@ -29,12 +29,6 @@ pub(super) struct JointPlace {
     pub(super) parent: RigidBodyHandle,
     pub(super) parent_from_axis: Pose,
     pub(super) prismatic: bool,
-    pub(super) lower: f64,
-    pub(super) upper: f64,
-    pub(super) max_speed: f64,
-    pub(super) max_effort: f64,
-    /// Mass of everything that the joint carries, kilograms.
-    pub(super) carried_kg: f64,
     /// Indices of the bodies (into [`BuiltRobot::bodies`]) that the joint carries.
     pub(super) carries: Vec<usize>,
 }
@@ -46,6 +40,8 @@ pub(super) struct BuiltRobot {
     /// The moving bodies with their masses, base first, parents before children.
     pub(super) bodies: Vec<(RigidBodyHandle, f64)>,
     pub(super) joints: Vec<JointPlace>,
+    /// The limits of the joints.
+    pub(super) moving: Vec<MovingJoint>,
     pub(super) joint_names: JointNames,
     pub(super) link_names: Vec<String>,
     pub(super) links: Vec<LinkPlace>,
@@ -66,8 +62,8 @@ struct Builder<'a> {
 
 /// Builds the robot at the origin with all joints at 0 (or at the limit nearest to 0).
 pub(super) fn build_robot(robot: &RobotBody, world: &mut PhysicsWorld) -> Result<BuiltRobot, PhysicsError> {
-    check(robot)?;
-    let base_index = find_link(&robot.urdf, &robot.base_link)?;
+    robot.check()?;
+    let base_index = robot.get_link(&robot.base_link)?;
     let mut builder = Builder {
         robot,
         links: robot.urdf.links.iter().map(|_| None).collect(),
@@ -82,31 +78,6 @@ pub(super) fn build_robot(robot: &RobotBody, world: &mut PhysicsWorld) -> Result
     let base_joint = insert_joint(builder.world, root, base, GenericJointBuilder::new(locked).build());
     builder.add_children(base_index)?;
     builder.finish(base, base_joint)
-}
-
-fn check(robot: &RobotBody) -> Result<(), PhysicsError> {
-    let positive = [
-        ("max_drive_force_n", robot.drive.max_force_n, f64::INFINITY),
-        ("max_turn_torque_nm", robot.drive.max_torque_nm, f64::INFINITY),
-        ("max_speed_m_per_s", robot.drive.max_speed_m_per_s, f64::INFINITY),
-        ("max_turn_rate_rad_per_s", robot.drive.max_turn_rad_per_s, f64::INFINITY),
-        ("finger_friction", robot.fingers.friction, 1.0),
-        ("gripper.max_force_n", robot.fingers.max_force_n, 40.0),
-    ];
-    for (name, value, highest) in positive {
-        if !(value > 0.0 && value <= highest) {
-            let expected = format!("above 0 and at most {highest}");
-            return Err(PhysicsError::OutOfRange { name: name.into(), value, expected });
-        }
-    }
-    Ok(())
-}
-
-fn find_link(urdf: &Urdf, name: &str) -> Result<usize, PhysicsError> {
-    urdf.links.iter().position(|l| l.name == name).ok_or_else(|| PhysicsError::NoLink {
-        name: name.into(),
-        known: urdf.links.iter().map(|l| l.name.clone()).collect(),
-    })
 }
 
 fn insert_joint(
@@ -182,7 +153,7 @@ impl Builder<'_> {
         let robot = self.robot;
         let name = &robot.urdf.links[link].name;
         for (index, joint) in robot.urdf.joints.iter().enumerate().filter(|(_, j)| j.parent.link == *name) {
-            let child = find_link(&robot.urdf, &joint.child.link)?;
+            let child = robot.get_link(&joint.child.link)?;
             if joint.joint_type != JointType::Fixed {
                 self.add_moving(index, joint, link, child)?;
             }
@@ -192,14 +163,7 @@ impl Builder<'_> {
     }
 
     fn add_moving(&mut self, index: usize, joint: &Joint, parent: usize, child: usize) -> Result<(), PhysicsError> {
-        let (prismatic, continuous) = match joint.joint_type {
-            JointType::Revolute => (false, false),
-            JointType::Continuous => (false, true),
-            JointType::Prismatic => (true, false),
-            ref other => {
-                return Err(PhysicsError::JointType { joint: joint.name.clone(), kind: format!("{other:?}") });
-            }
-        };
+        let prismatic = joint.joint_type == JointType::Prismatic;
         let place = self.links[parent].as_ref().expect("parents are built before their children");
         let (parent_body, body_from_parent) = (place.body, place.body_from_link);
         let parent_index = self.bodies.iter().position(|(b, _)| *b == parent_body);
@@ -219,12 +183,9 @@ impl Builder<'_> {
             .local_frame1(to_pose(&parent_from_axis))
             .local_frame2(to_pose(&child_from_axis))
             .motor_model(free, MotorModel::ForceBased);
-        let (lower, upper) = if continuous {
-            (f64::NEG_INFINITY, f64::INFINITY)
-        } else {
+        if joint.joint_type != JointType::Continuous {
             data = data.limits(free, [joint.limit.lower as f32, joint.limit.upper as f32]);
-            (joint.limit.lower, joint.limit.upper)
-        };
+        }
         let handle = insert_joint(self.world, parent_body, body, data.build());
         self.joints[index] = Some(JointPlace {
             child: body,
@@ -233,11 +194,6 @@ impl Builder<'_> {
             parent: parent_body,
             parent_from_axis,
             prismatic,
-            lower,
-            upper,
-            max_speed: joint.limit.velocity,
-            max_effort: joint.limit.effort,
-            carried_kg: 0.0,
             carries: Vec::new(),
         });
         Ok(())
@@ -246,40 +202,17 @@ impl Builder<'_> {
     fn finish(self, base: RigidBodyHandle, base_joint: MultibodyJointHandle) -> Result<BuiltRobot, PhysicsError> {
         let urdf = &self.robot.urdf;
         let link_names: Vec<String> = urdf.links.iter().map(|l| l.name.clone()).collect();
-        let mut joints = Vec::new();
-        let mut names: Vec<Arc<str>> = Vec::new();
-        for (place, joint) in self.joints.into_iter().zip(&urdf.joints) {
-            if let Some(place) = place {
-                joints.push(place);
-                names.push(joint.name.as_str().into());
-            }
-        }
+        let mut joints: Vec<JointPlace> = self.joints.into_iter().flatten().collect();
         for joint in &mut joints {
             for index in 0..self.bodies.len() {
                 let mut ancestor = Some(index);
                 while let Some(at) = ancestor {
                     if self.bodies[at].0 == joint.child {
                         joint.carries.push(index);
-                        joint.carried_kg += self.bodies[index].1;
                     }
                     ancestor = self.parents[at];
                 }
             }
-        }
-        let find_joint = |name: &String| {
-            names.iter().position(|n| **n == **name).ok_or_else(|| PhysicsError::NoJoint {
-                name: name.clone(),
-                known: names.iter().map(|n| n.to_string()).collect(),
-            })
-        };
-        let [left, right] = &self.robot.fingers.joints;
-        let finger_joints = [find_joint(left)?, find_joint(right)?];
-        let [left, right] = &self.robot.fingers.links;
-        let finger_links = [find_link(urdf, left)?, find_link(urdf, right)?];
-        let mut ignored = BTreeSet::new();
-        for [a, b] in &self.robot.ignored_pairs {
-            let (a, b) = (find_link(urdf, a)?, find_link(urdf, b)?);
-            ignored.insert((a.min(b), a.max(b)));
         }
         let mut links = Vec::new();
         for (place, name) in self.links.into_iter().zip(&link_names) {
@@ -289,24 +222,23 @@ impl Builder<'_> {
                 known: vec![format!("{name} (the tree's root lies above the base link)")],
             })?);
         }
-        let joint_names: JointNames = names.into();
+        let moving = self.robot.moving_joints()?;
+        let names: Vec<Arc<str>> = moving.iter().map(|joint| joint.name.as_str().into()).collect();
         Ok(BuiltRobot {
             base,
             base_joint,
             bodies: self.bodies,
             joints,
-            joint_names,
+            finger_joints: self.robot.finger_joints(&moving)?,
+            finger_links: self.robot.finger_links()?,
+            ignored: self.robot.ignored_links()?,
+            moving,
+            joint_names: names.into(),
             link_names,
             links,
-            finger_joints,
-            finger_links,
-            ignored,
         })
     }
 }
-
-/// Friction coefficient of links that are not finger pads: painted metal.
-const LINK_FRICTION: f64 = 0.4;
 
 fn link_mass(link: &Link) -> MassProperties {
     let inertial = &link.inertial;

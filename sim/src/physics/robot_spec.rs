@@ -2,7 +2,41 @@
 
 use super::PhysicsError;
 use dsm_robot::model::RobotModel;
-use urdf_rs::Robot as Urdf;
+use std::collections::BTreeSet;
+use urdf_rs::{JointType, Robot as Urdf};
+
+/// Where the robot stands at the start.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RobotStart {
+    /// Position on the floor, metres, and yaw, radians.
+    pub x_m: f64,
+    /// See [`RobotStart::x_m`].
+    pub y_m: f64,
+    /// Heading about +z.
+    pub yaw_rad: f64,
+    /// Joint values by name; joints left out start at 0 (or the limit nearest to 0).
+    pub joints: Vec<(String, f64)>,
+}
+
+/// A joint that a motor moves, with its limits: radians or metres, per second, newton metres or newtons.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MovingJoint {
+    /// Its name.
+    pub name: String,
+    /// Whether it slides instead of turning.
+    pub prismatic: bool,
+    /// Least value; minus infinity for a joint that turns for ever.
+    pub lower: f64,
+    /// Greatest value.
+    pub upper: f64,
+    /// Greatest speed.
+    pub max_speed: f64,
+    /// Greatest effort of its motor.
+    pub max_effort: f64,
+}
+
+/// Friction coefficient of links that are not finger pads: painted metal.
+pub const LINK_FRICTION: f64 = 0.4;
 
 /// How hard the wheels can push.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,4 +111,119 @@ impl RobotBody {
             ignored_pairs: settings.collision.ignored_pairs.clone(),
         })
     }
+
+    /// The movable joints in URDF order.
+    ///
+    /// # Errors
+    /// [`PhysicsError::JointType`] for joints that are neither revolute, continuous, prismatic nor fixed.
+    pub fn moving_joints(&self) -> Result<Vec<MovingJoint>, PhysicsError> {
+        let mut moving = Vec::new();
+        for joint in self.urdf.joints.iter().filter(|joint| joint.joint_type != JointType::Fixed) {
+            let (prismatic, lower, upper) = match joint.joint_type {
+                JointType::Revolute => (false, joint.limit.lower, joint.limit.upper),
+                JointType::Continuous => (false, f64::NEG_INFINITY, f64::INFINITY),
+                JointType::Prismatic => (true, joint.limit.lower, joint.limit.upper),
+                ref other => {
+                    return Err(PhysicsError::JointType { joint: joint.name.clone(), kind: format!("{other:?}") });
+                }
+            };
+            moving.push(MovingJoint {
+                name: joint.name.clone(),
+                prismatic,
+                lower,
+                upper,
+                max_speed: joint.limit.velocity,
+                max_effort: joint.limit.effort,
+            });
+        }
+        Ok(moving)
+    }
+
+    /// Index of a link.
+    ///
+    /// # Errors
+    /// [`PhysicsError::NoLink`] when the URDF has none of that name.
+    pub fn get_link(&self, name: &str) -> Result<usize, PhysicsError> {
+        self.urdf.links.iter().position(|link| link.name == name).ok_or_else(|| PhysicsError::NoLink {
+            name: name.into(),
+            known: self.urdf.links.iter().map(|link| link.name.clone()).collect(),
+        })
+    }
+
+    /// Indices of the fingers' joints among `joints`.
+    ///
+    /// # Errors
+    /// [`PhysicsError::NoJoint`] when they do not move.
+    pub fn finger_joints(&self, joints: &[MovingJoint]) -> Result<[usize; 2], PhysicsError> {
+        let [left, right] = &self.fingers.joints;
+        Ok([get_joint(joints, left)?, get_joint(joints, right)?])
+    }
+
+    /// Indices of the links of the fingers.
+    ///
+    /// # Errors
+    /// [`PhysicsError::NoLink`] when the URDF lacks one.
+    pub fn finger_links(&self) -> Result<[usize; 2], PhysicsError> {
+        let [left, right] = &self.fingers.links;
+        Ok([self.get_link(left)?, self.get_link(right)?])
+    }
+
+    /// Pairs of link indices, lesser first, that never collide.
+    ///
+    /// # Errors
+    /// [`PhysicsError::NoLink`] when the URDF lacks one.
+    pub fn ignored_links(&self) -> Result<BTreeSet<(usize, usize)>, PhysicsError> {
+        let pair = |[a, b]: &[String; 2]| {
+            let (a, b) = (self.get_link(a)?, self.get_link(b)?);
+            Ok((a.min(b), a.max(b)))
+        };
+        self.ignored_pairs.iter().map(pair).collect()
+    }
+
+    /// The joints' values at the start, in the order of `joints`.
+    ///
+    /// # Errors
+    /// [`PhysicsError`] for unknown joints and values outside their limits.
+    pub fn start_positions(&self, joints: &[MovingJoint], start: &RobotStart) -> Result<Vec<f64>, PhysicsError> {
+        let mut positions: Vec<f64> = joints.iter().map(|joint| 0.0_f64.clamp(joint.lower, joint.upper)).collect();
+        for (name, value) in &start.joints {
+            let index = get_joint(joints, name)?;
+            let MovingJoint { lower, upper, .. } = joints[index];
+            if !(lower..=upper).contains(value) {
+                let expected = format!("{lower} to {upper}");
+                return Err(PhysicsError::OutOfRange { name: name.clone(), value: *value, expected });
+            }
+            positions[index] = *value;
+        }
+        Ok(positions)
+    }
+
+    /// Checks that forces, speeds and friction are in range.
+    ///
+    /// # Errors
+    /// [`PhysicsError::OutOfRange`].
+    pub fn check(&self) -> Result<(), PhysicsError> {
+        let positive = [
+            ("max_drive_force_n", self.drive.max_force_n, f64::INFINITY),
+            ("max_turn_torque_nm", self.drive.max_torque_nm, f64::INFINITY),
+            ("max_speed_m_per_s", self.drive.max_speed_m_per_s, f64::INFINITY),
+            ("max_turn_rate_rad_per_s", self.drive.max_turn_rad_per_s, f64::INFINITY),
+            ("finger_friction", self.fingers.friction, 1.0),
+            ("gripper.max_force_n", self.fingers.max_force_n, 40.0),
+        ];
+        for (name, value, highest) in positive {
+            if !(value > 0.0 && value <= highest) {
+                let expected = format!("above 0 and at most {highest}");
+                return Err(PhysicsError::OutOfRange { name: name.into(), value, expected });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn get_joint(joints: &[MovingJoint], name: &str) -> Result<usize, PhysicsError> {
+    joints.iter().position(|joint| joint.name == name).ok_or_else(|| PhysicsError::NoJoint {
+        name: name.into(),
+        known: joints.iter().map(|joint| joint.name.clone()).collect(),
+    })
 }

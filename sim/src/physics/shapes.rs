@@ -1,16 +1,13 @@
 //! Collision shapes of scene geoms and URDF links.
 
-use super::PhysicsError;
 use super::convert::to_pose;
+use super::{PhysicsError, SLAB_M};
 use crate::scene::{BodyMotion, SceneModel, SceneShape};
 use dsm::Pose;
 use nalgebra::UnitQuaternion;
 use rapier3d::math::{Pose as RapierPose, Vector};
 use rapier3d::parry::shape::SharedShape;
 use std::f64::consts::FRAC_PI_2;
-
-/// Thickness of the slab that stands for a bounded plane, metres.
-const SLAB_M: f64 = 0.1;
 
 /// Rapier's cylinders and capsules lie along y, ours along z.
 fn z_from_y() -> Pose {

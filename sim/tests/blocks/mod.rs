@@ -70,7 +70,8 @@ pub(crate) fn add_free(scene: &mut SceneModel, at: [f64; 3], mass_kg: f64, shape
 
 /// The model of the robot porter.
 pub(crate) fn porter_model() -> RobotModel {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter");
+    let mut above = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|folder| folder.join("robot/models/porter"));
+    let folder = above.find(|folder| folder.exists()).expect("the robot lies in the repository");
     RobotModel::load(&folder).expect("porter loads")
 }
 

@@ -17,7 +17,7 @@ refuse! {
     unknown_physics: Bench::new(), ["run", "episode.toml", "--physics", "bullet"],
         ["'bullet' for '--physics", "possible values: rapier, mujoco"];
     physics_not_built_in: Bench::new(), ["run", "episode.toml", "--physics", "mujoco"],
-        ["physics `mujoco` is not built in", "rapier"];
+        ["physics `mujoco` is not built in", "--features mujoco"];
     unknown_perception: Bench::new(), ["run", "episode.toml", "--perception", "perfect"],
         ["'perfect' for '--perception", "possible values: noisy, oracle, pixels"];
     unknown_robot: Bench::new(), ["run", "episode.toml", "--robot", "portr"],

@@ -1,0 +1,170 @@
+//! A scene as MuJoCo's model: bodies, shapes, contact parameters.
+
+use crate::MujocoConfig;
+use dsm::Pose;
+use dsm_sim::physics::{GRAVITY_M_PER_S2, PhysicsError, SLAB_M, body_inertia};
+use dsm_sim::scene::{BodyMotion, SceneBody, SceneGeom, SceneModel, SceneShape};
+use mujoco_rs::mujoco_c::{mjtCone, mjtDisableBit, mjtEnableBit, mjtInertiaFromGeom, mjtIntegrator, mjtMeshInertia};
+use mujoco_rs::prelude::{MjSpec, MjtGeomBase, SpecItem};
+use mujoco_rs::wrappers::mj_editing::{MjsBody, MjsGeom};
+
+/// Time constant and damping ratio of contacts: the stiffest that a step of 5 ms bears. With the impedance below, a grip
+/// of 40 N sinks less than 1 mm into what it holds.
+const CONTACT_SOLREF: [f64; 2] = [0.01, 1.0];
+/// Impedance of contacts: at the surface, from a depth of 1 mm on, that depth, and the shape in between.
+const CONTACT_SOLIMP: [f64; 5] = [0.95, 0.99, 0.001, 0.5, 2.0];
+/// Friction about the contact's normal and against rolling, metres: a pad touches over a few millimetres.
+pub(crate) const SPIN_FRICTION_M: f64 = 0.005;
+pub(crate) const ROLL_FRICTION_M: f64 = 0.0001;
+/// Room for contacts and their constraints, bytes.
+const MEMORY: i64 = 256 << 20;
+
+/// What MuJoCo says when it refuses.
+pub(crate) fn refused(reason: impl ToString) -> PhysicsError {
+    PhysicsError::Refused { engine: "mujoco", reason: reason.to_string() }
+}
+
+/// Name of a scene body in the model: scenes may use any name, `world` too.
+pub(crate) fn body_name(index: usize) -> String {
+    format!("scene/{index}")
+}
+
+/// Name of the n-th colliding geom of a scene body.
+pub(crate) fn geom_name(body: usize, nth: usize) -> String {
+    format!("scene/{body}/{nth}")
+}
+
+/// An empty model with our options.
+pub(crate) fn new_spec(config: &MujocoConfig) -> MjSpec {
+    let mut spec = MjSpec::new();
+    let compiler = spec.compiler_mut();
+    compiler.set_degree(false);
+    compiler.set_usethread(false);
+    compiler.set_inertiafromgeom(mjtInertiaFromGeom::mjINERTIAFROMGEOM_FALSE);
+    // Principal moments rounded to single precision may miss the triangle inequality by a hair.
+    compiler.set_balanceinertia(true);
+    spec.set_memory(MEMORY);
+    let option = spec.option_mut();
+    option.timestep = config.step.as_s();
+    option.gravity = [0.0, 0.0, -GRAVITY_M_PER_S2];
+    // Motors are stiff: their damping has to be implicit.
+    option.integrator = mjtIntegrator::mjINT_IMPLICITFAST as i32;
+    option.cone = mjtCone::mjCONE_ELLIPTIC as i32;
+    option.impratio = config.friction_stiffness;
+    // Which links may overlap is said by robot.toml alone, and a world that diverges must not start anew unseen.
+    option.disableflags |= mjtDisableBit::mjDSBL_FILTERPARENT as i32 | mjtDisableBit::mjDSBL_AUTORESET as i32;
+    if config.sleep_below_m_per_s > 0.0 {
+        option.enableflags |= mjtEnableBit::mjENBL_SLEEP as i32;
+        option.sleep_tolerance = config.sleep_below_m_per_s;
+    }
+    spec
+}
+
+/// Adds the scene's meshes and bodies.
+pub(crate) fn add_scene(spec: &mut MjSpec, scene: &SceneModel) -> Result<(), PhysicsError> {
+    for (index, mesh) in scene.meshes.iter().enumerate() {
+        let vertices: Vec<f32> = mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z]).collect();
+        let faces: Vec<i32> = mesh.indices.iter().flatten().map(|i| *i as i32).collect();
+        let asset = spec.add_mesh();
+        asset.set_name(&mesh_name(index)).map_err(refused)?;
+        asset.set_uservert(&vertices);
+        asset.set_userface(&faces);
+        asset.set_inertia(mjtMeshInertia::mjMESH_INERTIA_CONVEX);
+    }
+    for (index, body) in scene.bodies.iter().enumerate() {
+        add_body(spec, scene, index, body)?;
+    }
+    Ok(())
+}
+
+fn mesh_name(index: usize) -> String {
+    format!("mesh/{index}")
+}
+
+fn add_body(spec: &mut MjSpec, scene: &SceneModel, index: usize, body: &SceneBody) -> Result<(), PhysicsError> {
+    let added = spec.world_body_mut().add_body();
+    added.set_name(&body_name(index)).map_err(refused)?;
+    set_pose(added, &body.world_from_body);
+    if body.motion == BodyMotion::Free {
+        let inertia = body_inertia(scene, body)?;
+        added.set_mass(inertia.mass_kg);
+        added.set_explicitinertial(true);
+        *added.ipos_mut() = inertia.center_in_body.coords.into();
+        *added.iquat_mut() = wxyz(&inertia.body_from_principal);
+        *added.inertia_mut() = inertia.moments_kg_m2.into();
+        added.add_free_joint();
+    }
+    for (nth, geom) in body.geoms.iter().filter(|geom| geom.collides).enumerate() {
+        add_geom(added, &body.name, geom, &geom_name(index, nth))?;
+    }
+    Ok(())
+}
+
+fn add_geom(body: &mut MjsBody, owner: &str, geom: &SceneGeom, name: &str) -> Result<(), PhysicsError> {
+    let mut pose = geom.body_from_geom;
+    let added = body.add_geom();
+    added.set_name(name).map_err(refused)?;
+    let (kind, size) = match &geom.shape {
+        // A bounded plane ends at its edge; MuJoCo's planes never end.
+        SceneShape::Plane { half_m: [x, y] } if *x > 0.0 && *y > 0.0 => {
+            pose *= Pose::translation(0.0, 0.0, -0.5 * SLAB_M);
+            (MjtGeomBase::mjGEOM_BOX, [*x, *y, 0.5 * SLAB_M])
+        }
+        SceneShape::Plane { .. } => (MjtGeomBase::mjGEOM_PLANE, [0.0, 0.0, 1.0]),
+        SceneShape::Box { half_m } => (MjtGeomBase::mjGEOM_BOX, (*half_m).into()),
+        SceneShape::Sphere { radius_m } => (MjtGeomBase::mjGEOM_SPHERE, [*radius_m; 3]),
+        SceneShape::Cylinder { radius_m, half_length_m } => {
+            (MjtGeomBase::mjGEOM_CYLINDER, [*radius_m, *half_length_m, *half_length_m])
+        }
+        SceneShape::Capsule { radius_m, half_length_m } => {
+            (MjtGeomBase::mjGEOM_CAPSULE, [*radius_m, *half_length_m, *half_length_m])
+        }
+        SceneShape::Ellipsoid { radii_m } => (MjtGeomBase::mjGEOM_ELLIPSOID, (*radii_m).into()),
+        SceneShape::Mesh { mesh } => {
+            added.set_meshname(&mesh_name(*mesh));
+            (MjtGeomBase::mjGEOM_MESH, [0.0; 3])
+        }
+    };
+    let sized = !matches!(kind, MjtGeomBase::mjGEOM_PLANE | MjtGeomBase::mjGEOM_MESH);
+    if sized && !size.iter().all(|value| value.is_finite() && *value > 0.0) {
+        let reason = format!("sizes must be above 0, got {size:?}");
+        return Err(PhysicsError::BadShape { owner: owner.into(), reason });
+    }
+    added.set_type(kind);
+    *added.size_mut() = size;
+    *added.pos_mut() = pose.translation.vector.into();
+    *added.quat_mut() = wxyz(&pose.rotation);
+    set_contact(added, geom.friction);
+    Ok(())
+}
+
+/// Contact parameters of a geom; the greater friction of two geoms counts.
+pub(crate) fn set_contact(geom: &mut MjsGeom, friction: f64) {
+    geom.set_condim(4);
+    geom.set_density(0.0);
+    *geom.friction_mut() = [friction, SPIN_FRICTION_M, ROLL_FRICTION_M];
+    *geom.solref_mut() = CONTACT_SOLREF;
+    *geom.solimp_mut() = CONTACT_SOLIMP;
+}
+
+/// Makes the friction between two geoms the geometric mean of theirs, as rapier does.
+pub(crate) fn add_pair(spec: &mut MjSpec, first: (&str, f64), second: (&str, f64)) {
+    let friction = (first.1 * second.1).sqrt();
+    let pair = spec.add_pair();
+    pair.set_geomname1(first.0);
+    pair.set_geomname2(second.0);
+    pair.set_condim(4);
+    *pair.friction_mut() = [friction, friction, SPIN_FRICTION_M, ROLL_FRICTION_M, ROLL_FRICTION_M];
+    *pair.solref_mut() = CONTACT_SOLREF;
+    *pair.solimp_mut() = CONTACT_SOLIMP;
+}
+
+pub(crate) fn set_pose(body: &mut MjsBody, pose: &Pose) {
+    *body.pos_mut() = pose.translation.vector.into();
+    *body.quat_mut() = wxyz(&pose.rotation);
+}
+
+/// MuJoCo's order of a quaternion.
+pub(crate) fn wxyz(rotation: &nalgebra::UnitQuaternion<f64>) -> [f64; 4] {
+    [rotation.w, rotation.i, rotation.j, rotation.k]
+}
