@@ -160,6 +160,29 @@ fn a_loaded_map_is_taken_up_instead_of_doubled() {
 }
 
 #[test]
+fn what_wanders_about_the_truth_ends_near_it() {
+    let slow = Noise { position_m: 0.04, attitude_rad: 0.003, depth: true, seed: 2, ..Noise::default() };
+    let world = table_with_mugs();
+    let far_off_m = |rounds: usize| {
+        let mut session = Session::new(slow);
+        (0..rounds).for_each(|_| session.circle(&world, [0.0, 0.0, 0.7], 1.7, 1.25, 24));
+        let off = |o: &&dsm::map::MapObject| (o.bounds.center.xy() - truth(&world, o)).norm();
+        let objects: Vec<_> = session.map.objects.values().map(|o| &**o).collect();
+        assert_eq!(objects.len(), 3);
+        objects.iter().map(off).fold(0.0, f64::max)
+    };
+    let (first, last) = (far_off_m(1), far_off_m(6));
+    assert!(first > 0.02 && last < 0.5 * first, "{first} {last}");
+}
+
+/// Middle of the nearest thing of the world, seen from above.
+fn truth(world: &World, object: &dsm::map::MapObject) -> Point2<f64> {
+    let centers = world.blocks.iter().map(|block| block.bounds.center());
+    let off = |c: &nalgebra::Point3<f64>| (c - object.bounds.center).norm();
+    centers.min_by(|a, b| off(a).total_cmp(&off(b))).unwrap().xy()
+}
+
+#[test]
 fn hostile_frames_change_nothing_and_do_not_panic() {
     let mut session = Session::new(Noise::default());
     let (mut frame, mut detections) = table_with_mugs().render(

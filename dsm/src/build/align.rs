@@ -2,8 +2,9 @@
 //!
 //! A localiser's error wanders slowly by centimetres and parts of a degree and is common to all that one frame shows. It
 //! would smear shapes and put small things beside themselves. A few steps of iterative closest points over all associated
-//! objects, with the localiser's own accuracy as prior, estimate the error of this frame relative to the map. The floor
-//! in view tells height and tilt by itself, without the map: so neither drifts, and heights are true.
+//! objects, with what is known of the error as prior, estimate the error of this frame relative to the map. The floor
+//! in view tells height and tilt by itself, without the map: so neither drifts, and heights are true. What of the error
+//! the map has taken over is for [`super::drift`] to tell.
 
 use super::observation::Observation;
 use crate::Pose;
@@ -32,18 +33,41 @@ const FLOOR_REACH_M: [f64; 2] = [0.15, 0.04];
 const FLOOR_HUBER_M: f64 = 0.01;
 /// Information of one floor point, 1/m^2: 2 cm, lowered since neighbouring points err alike.
 const FLOOR_INFORMATION: f64 = 1.0 / (0.02 * 0.02 * 8.0);
-/// Accuracy of the localiser: position in metres, attitude in radians.
+/// Accuracy of the localiser in height, metres, and of roll and pitch, radians.
 const PRIOR: (f64, f64) = (0.03, 0.01);
 /// Largest correction that is believed: position in metres, attitude in radians.
 const LARGEST: (f64, f64) = (0.20, 0.07);
 
-/// The correction `map_from_world` for observations paired with the objects that they show and for points of the floor;
-/// `None` when there is too little to go by or the result is not credible.
+/// A frame laid onto the map.
+pub(super) struct Fit {
+    /// Shift and rotation vector about the camera, in the map's frame.
+    pub(super) motion: Vector6<f64>,
+    /// Of each pair that has matches.
+    pub(super) left: Vec<Left>,
+}
+
+/// What a pair still differs by when its frame is laid onto the map.
+pub(super) struct Left {
+    /// Its place among the pairs.
+    pub(super) pair: usize,
+    /// Middle of the matched points of the observation, world frame.
+    pub(super) center: Point3<f64>,
+    /// From there to the object's points, on average.
+    pub(super) offset: Vector3<f64>,
+    /// Matched points.
+    pub(super) matches: usize,
+}
+
+/// The correction for observations paired with the objects that they show and for points of the floor; `None` when there
+/// is too little to go by or the result is not credible. `deviation` is that of what is left of the error: along x and y
+/// in metres and of the heading in radians.
 pub(super) fn find_correction(
     pairs: &[(&Observation, &MapObject)],
     floor: &[Point3<f64>],
     eye: &Point3<f64>,
-) -> Option<Pose> {
+    deviation: &Vector3<f64>,
+) -> Option<Fit> {
+    let prior = prior_information(deviation);
     let thin = |count: usize, wanted: usize| count.div_ceil(wanted).max(1);
     let sets: Vec<_> = pairs
         .iter()
@@ -57,16 +81,22 @@ pub(super) fn find_correction(
         .collect();
     let mut correction = Isometry3::identity();
     let mut found = Vector6::zeros();
+    let mut left = Vec::with_capacity(sets.len());
     for iteration in 0..ITERATIONS {
         let reach = REACH_M[iteration.min(REACH_M.len() - 1)];
-        let mut information = Matrix6::from_diagonal(&prior_information());
-        let mut pull = -prior_information().component_mul(&found);
+        let mut information = Matrix6::from_diagonal(&prior);
+        let mut pull = -prior.component_mul(&found);
         let mut matches = 0;
-        for (observed, known) in &sets {
+        left.clear();
+        for (index, (observed, known)) in sets.iter().enumerate() {
+            let (mut count, mut middle, mut rest) = (0, Vector3::zeros(), Vector3::zeros());
             for point in observed {
                 let point = correction * point;
                 let Some(error) = find_closest_offset(&point, known).filter(|e| e.norm() <= reach) else { continue };
                 matches += 1;
+                count += 1;
+                middle += point.coords;
+                rest += error;
                 let weight = MATCH_INFORMATION * (HUBER_M / error.norm().max(HUBER_M));
                 // d(point) = translation + rotation x arm = translation - [arm]x rotation
                 let arm = (point - eye).cross_matrix();
@@ -83,6 +113,15 @@ pub(super) fn find_correction(
                 force += error * weight;
                 let mut torque = pull.fixed_rows_mut::<3>(3);
                 torque += cross.transpose() * error * weight;
+            }
+            if count > 0 {
+                let share = 1.0 / f64::from(count as u32);
+                left.push(Left {
+                    pair: index,
+                    center: Point3::from(middle * share),
+                    offset: rest * share,
+                    matches: count,
+                });
             }
         }
         for point in floor {
@@ -107,12 +146,11 @@ pub(super) fn find_correction(
         }
     }
     let (shift, turn) = (found.fixed_rows::<3>(0).norm(), found.fixed_rows::<3>(3).norm());
-    (shift <= LARGEST.0 && turn <= LARGEST.1).then_some(correction)
+    (shift <= LARGEST.0 && turn <= LARGEST.1).then_some(Fit { motion: found, left })
 }
 
-fn prior_information() -> Vector6<f64> {
-    let (position, attitude) = (PRIOR.0.powi(-2), PRIOR.1.powi(-2));
-    Vector6::new(position, position, position, attitude, attitude, attitude)
+fn prior_information(deviation: &Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(deviation.x, deviation.y, PRIOR.0, PRIOR.1, PRIOR.1, deviation.z).map(|d| d.max(1e-4).powi(-2))
 }
 
 /// How the height of the point at the end of `arm` changes with the motion: d(z) = t_z + (rotation x arm)_z.
@@ -121,7 +159,7 @@ fn height_row(arm: &Vector3<f64>) -> Vector6<f64> {
 }
 
 /// The motion (translation, rotation vector) with its centre of rotation at the camera.
-fn about(eye: &Point3<f64>, motion: &Vector6<f64>) -> Pose {
+pub(super) fn about(eye: &Point3<f64>, motion: &Vector6<f64>) -> Pose {
     let turn = UnitQuaternion::from_scaled_axis(motion.fixed_rows::<3>(3).into_owned());
     let center = Translation3::from(eye.coords);
     Translation3::from(motion.fixed_rows::<3>(0).into_owned()) * center * turn * center.inverse()
@@ -176,9 +214,11 @@ mod tests {
         // A few points of a box that stands on the floor.
         let box_points = (0..30).map(|i| Point3::new(1.5, 0.01 * f64::from(i), 0.03));
         let believed: Vec<Point3<f64>> = truth.clone().chain(box_points).map(|p| error * p).collect();
-        let correction = find_correction(&[], &believed, &(error * eye)).unwrap();
+        let deviation = Vector3::new(0.03, 0.03, 0.01);
+        let fit = find_correction(&[], &believed, &(error * eye), &deviation).unwrap();
+        let correction = about(&(error * eye), &fit.motion);
         let worst = truth.map(|p| (correction * error * p).z.abs()).fold(0.0, f64::max);
         assert!(worst < 0.004, "{worst}");
-        assert!(find_correction(&[], &believed[..40], &eye).is_none(), "forty points are too few");
+        assert!(find_correction(&[], &believed[..40], &eye, &deviation).is_none(), "forty points are too few");
     }
 }

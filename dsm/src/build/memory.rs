@@ -18,7 +18,7 @@ impl MapBuilder {
     /// Bytes that the builder holds beside the map: windows with their views, evidence of free space, rooms. Grows with
     /// the objects and the floor, not with time.
     pub fn held_bytes(&self) -> usize {
-        self.tracks.held_bytes() + self.occupancy.held_bytes() + self.rooms.held_bytes()
+        self.tracks.held_bytes() + self.drift.bytes() + self.occupancy.held_bytes() + self.rooms.held_bytes()
     }
 }
 

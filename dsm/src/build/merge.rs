@@ -70,8 +70,10 @@ fn is_same(config: &BuildConfig, a: &MapObject, a_track: &Track, b: &MapObject, 
     let unnamed = a.name() == UNNAMED || b.name() == UNNAMED;
     let same_name =
         !unnamed && (cosine(&a.text_feature, &b.text_feature) >= config.text_threshold || a.name() == b.name());
-    // A thing put beside itself by a pose error is never seen together with itself.
-    if same_name && together == 0 && is_beside(config, a_track, b_track) {
+    // A thing put beside itself by a pose error is never seen together with itself. Of what a stored map brought along
+    // that cannot be told before it is seen again.
+    let both_seen = !a_track.seen.is_empty() && !b_track.seen.is_empty();
+    if same_name && both_seen && together == 0 && is_beside(config, a_track, b_track) {
         return true;
     }
     if same_name && is_seen_apart(a, a_track, b, b_track) {

@@ -19,6 +19,7 @@ mod cell_grid;
 mod config;
 mod division;
 mod draft;
+mod drift;
 mod floor;
 mod memory;
 mod merge;
@@ -26,6 +27,7 @@ mod merged_mask;
 mod observation;
 mod occupancy;
 mod outline;
+mod placing;
 mod relations;
 mod rest;
 mod rooms;
@@ -48,9 +50,11 @@ use crate::perceive::{
     ColorShapeEncoder, Describer, Detections, KnowledgeDescriber, KnowledgeTextEncoder, TextEncoder, VisualEncoder,
 };
 use draft::Draft;
-use nalgebra::{Point2, Point3};
+use drift::Drift;
+use nalgebra::{Point2, Point3, Vector3};
 use observation::{Encoders, Observation, find_observation};
 use occupancy::Occupancy;
+use placing::Placing;
 use rayon::prelude::*;
 use rooms::RoomSegmenter;
 use std::sync::Arc;
@@ -75,6 +79,7 @@ pub struct MapBuilder {
     knowledge: Arc<Knowledge>,
     encoders: Encoders,
     tracks: Tracks,
+    drift: Drift,
     occupancy: Occupancy,
     rooms: RoomSegmenter,
     next_id: u64,
@@ -101,6 +106,7 @@ impl MapBuilder {
             knowledge,
             encoders: Encoders { visual, text, describer },
             tracks: Tracks::default(),
+            drift: Drift::default(),
             occupancy: Occupancy::default(),
             rooms: RoomSegmenter::default(),
             next_id: 0,
@@ -134,9 +140,10 @@ impl MapBuilder {
         ended(Stage::CleanPoints);
         // Multi view mapping: associate one to one, take out this frame's pose error, fuse, start new objects.
         let floor = if self.config.align { self.find_floor(frame, detections, carrier) } else { Vec::new() };
-        let (assigned, world_from_camera) = self.locate(&draft, frame, &mut observations, floor);
+        let (assigned, world_from_camera) = self.locate(&mut draft, frame, &mut observations, floor);
         ended(Stage::Associate);
         let touched = self.fuse(&mut draft, frame, observations, assigned);
+        self.follow_drift(&draft, &touched, &world_from_camera.translation.vector.into());
         ended(Stage::Window);
         // Clean-up: duplicates, lower sides, what is gone, what was never confirmed.
         merge::merge_duplicates(&self.config, &mut draft, &mut self.tracks, &touched);
@@ -221,47 +228,54 @@ impl MapBuilder {
         assigned.into_iter().map(|candidate| candidate.map(|c| candidates[c])).collect()
     }
 
-    /// Associates the observations and moves them by the frame's pose error, if it can be told; again after a large move,
-    /// which brings small things within reach. Gives the objects of the observations and the corrected pose.
+    /// Associates the observations and moves them by the frame's pose error, as far as it can be told; again after a large
+    /// move, which brings small things within reach. Objects that turn out to be displaced themselves are moved too. Gives
+    /// the objects of the observations and the corrected pose.
     fn locate(
-        &self,
-        draft: &Draft,
+        &mut self,
+        draft: &mut Draft,
         frame: &RgbdFrame,
         observations: &mut [Observation],
-        mut floor: Vec<Point3<f64>>,
+        floor: Vec<Point3<f64>>,
     ) -> (Vec<Option<ObjectId>>, Pose) {
-        let mut world_from_camera = frame.world_from_camera;
-        let mut assigned = self.associate(draft, observations);
+        if !self.config.align {
+            return (self.associate(draft, observations), frame.world_from_camera);
+        }
+        self.drift.advance(frame.stamp);
+        let mut placing = Placing::new(frame.world_from_camera, observations, floor);
+        placing.shift(&-self.drift.error());
+        let mut assigned = self.associate(draft, placing.observations());
+        let mut looks = Vec::new();
         for _ in 0..CORRECTIONS {
-            let eye = world_from_camera.translation.vector.into();
-            let Some(correction) = self.find_correction(draft, observations, &assigned, &floor, &eye) else { break };
-            observations.iter_mut().for_each(|observation| observation.transform(&correction));
-            floor.iter_mut().for_each(|point| *point = correction * *point);
-            let moved_m = (correction * eye - eye).norm();
-            world_from_camera = correction * world_from_camera;
-            assigned = self.associate(draft, observations);
-            if moved_m < LARGE_MOVE_M {
+            let Some(fit) = placing.fit(draft, &assigned, &self.drift.deviation()) else { break };
+            assigned = self.associate(draft, placing.observations());
+            looks = fit.looks;
+            if fit.moved_m < LARGE_MOVE_M {
                 break;
             }
         }
-        (assigned, world_from_camera)
+        // The frame stays where it fits the map; the objects move to where the whole drive says.
+        self.drift.update(&looks, &placing.eye(), placing.taken());
+        for (id, displacement) in self.drift.take_displacements() {
+            let Some(object) = draft.edit(id) else { continue };
+            let by = Vector3::new(-displacement.x, -displacement.y, 0.0);
+            self.tracks.change(id, |track| track.shift(object, &by));
+        }
+        (assigned, placing.world_from_camera())
     }
 
-    fn find_correction(
-        &self,
-        draft: &Draft,
-        observations: &[Observation],
-        assigned: &[Option<ObjectId>],
-        floor: &[Point3<f64>],
-        eye: &Point3<f64>,
-    ) -> Option<Pose> {
+    /// Takes up what has become stable, with the error that the frame still has, and forgets what is gone.
+    fn follow_drift(&mut self, draft: &Draft, touched: &[ObjectId], eye: &Point3<f64>) {
         if !self.config.align {
-            return None;
+            return;
         }
-        let stable = |id: &ObjectId| draft.find(*id).filter(|object| object.state == ObjectState::Stable);
-        let pairs: Vec<_> =
-            observations.iter().zip(assigned).filter_map(|(o, id)| Some((o, stable(id.as_ref()?)?))).collect();
-        align::find_correction(&pairs, floor, eye)
+        for id in touched {
+            let stable = draft.find(*id).filter(|object| object.state == ObjectState::Stable);
+            if let Some(object) = stable {
+                self.drift.start(*id, &object.bounds.center, eye);
+            }
+        }
+        self.drift.retain(|id| draft.find(id).is_some());
     }
 
     /// Fuses observations into their objects and starts new ones; returns the objects that were touched.

@@ -8,6 +8,7 @@ use crate::geometry::{Aabb, OrientedBox};
 use crate::map::{MapObject, ObjectId, ObjectState, Votes};
 use crate::perceive::normalize;
 use crate::time::Stamp;
+use nalgebra::Vector3;
 use std::collections::{BTreeSet, VecDeque};
 
 /// Frames remembered to tell two things seen together from one thing seen twice.
@@ -122,6 +123,15 @@ impl Track {
             target.state = ObjectState::Stable;
         }
         self.reshape(config, target);
+    }
+
+    /// Moves all that is known of the object.
+    pub(super) fn shift(&mut self, object: &mut MapObject, by: &Vector3<f64>) {
+        let by_f32: Vector3<f32> = by.cast();
+        self.window.shift(&by_f32);
+        self.aabb = Aabb { min: self.aabb.min + by, max: self.aabb.max + by };
+        object.points.iter_mut().for_each(|point| point.position += by_f32);
+        object.bounds.center += by;
     }
 
     /// Reads the shape off the window into the object; false when nothing is left.

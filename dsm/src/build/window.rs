@@ -11,7 +11,7 @@ use super::observation::{depth_noise_m, robust_aabb};
 use super::view::{Evidence, View};
 use crate::geometry::{Aabb, OrientedBox};
 use crate::map::MapPoint;
-use nalgebra::{Point3, Vector2};
+use nalgebra::{Isometry3, Point3, Translation3, Vector2, Vector3};
 
 /// Tolerance of a voxel test beside the voxel's size and the depth noise: the pose error within the window, metres.
 const POSE_TOLERANCE_M: f32 = 0.015;
@@ -50,6 +50,8 @@ struct Voxel {
 #[derive(Clone, Debug)]
 pub(super) struct Window {
     voxel_m: f32,
+    /// Where the voxels' grid begins: it moves with the object.
+    origin: Vector3<f32>,
     /// Sorted by key.
     voxels: Vec<Voxel>,
     /// Oldest first.
@@ -70,7 +72,7 @@ pub(super) struct Shape {
 impl Window {
     /// An empty window for a thing of this size.
     pub(super) fn new(extent: &Aabb) -> Self {
-        Self { voxel_m: voxel_size_m(extent), voxels: Vec::new(), views: Vec::new() }
+        Self { voxel_m: voxel_size_m(extent), origin: Vector3::zeros(), voxels: Vec::new(), views: Vec::new() }
     }
 
     /// A window that remembers points without their views.
@@ -91,6 +93,14 @@ impl Window {
         &self.views
     }
 
+    /// Moves all that it knows.
+    pub(super) fn shift(&mut self, by: &Vector3<f32>) {
+        self.origin += by;
+        self.voxels.iter_mut().for_each(|voxel| voxel.position += by);
+        let motion = Isometry3::from(Translation3::from(*by));
+        self.views.iter_mut().for_each(|view| view.transform(&motion));
+    }
+
     /// Adds a view with its points and evicts what exceeds the window. Points count by the square of their accuracy.
     pub(super) fn add(&mut self, config: &BuildConfig, view: View, points: &[MapPoint], center: &Point3<f64>) {
         if !config.window {
@@ -107,8 +117,9 @@ impl Window {
         self.insert(points, |_| (accuracy * accuracy) as f32, 0);
         self.views.push(view);
         let (voxel_m, views) = (self.voxel_m, &self.views);
+        let origin = self.origin;
         self.voxels.iter_mut().filter(|v| v.fresh).for_each(|v| {
-            views.iter().for_each(|view| count(v, view, voxel_m, 1));
+            views.iter().for_each(|view| count(v, view, (&origin, voxel_m), 1));
             v.fresh = false;
         });
         self.evict(config, center);
@@ -204,8 +215,8 @@ impl Window {
 
     /// Counts the evidence of a view into all voxels (`sign` 1) or out of them (-1).
     fn testify(&mut self, view: &View, sign: i16) {
-        let voxel_m = self.voxel_m;
-        self.voxels.iter_mut().for_each(|voxel| count(voxel, view, voxel_m, sign));
+        let (origin, voxel_m) = (self.origin, self.voxel_m);
+        self.voxels.iter_mut().for_each(|voxel| count(voxel, view, (&origin, voxel_m), sign));
     }
 
     /// Adds points with their weights; new voxels are marked fresh and take `remembered`.
@@ -242,7 +253,7 @@ impl Window {
     }
 
     fn key(&self, position: &Point3<f32>) -> [i32; 3] {
-        [position.x, position.y, position.z].map(|c| (c / self.voxel_m).floor() as i32)
+        ((position.coords - self.origin) / self.voxel_m).map(|c| c.floor() as i32).into()
     }
 
     /// Drops the oldest view of the sector that has the most, until the window fits: a robot that stands still must not
@@ -283,10 +294,10 @@ impl Window {
     }
 
     fn recount(&mut self) {
-        let (voxel_m, views) = (self.voxel_m, &self.views);
+        let (origin, voxel_m, views) = (self.origin, self.voxel_m, &self.views);
         for voxel in &mut self.voxels {
             (voxel.hits, voxel.chances) = (voxel.remembered, voxel.remembered);
-            views.iter().for_each(|view| count(voxel, view, voxel_m, 1));
+            views.iter().for_each(|view| count(voxel, view, (&origin, voxel_m), 1));
         }
         self.voxels.retain(|voxel| voxel.hits > 0);
     }
@@ -306,9 +317,9 @@ impl Voxel {
     }
 }
 
-fn count(voxel: &mut Voxel, view: &View, voxel_m: f32, sign: i16) {
+fn count(voxel: &mut Voxel, view: &View, (origin, voxel_m): (&Vector3<f32>, f32), sign: i16) {
     // The voxel's centre, not its moving mean: taking a view back must find what adding it found.
-    let center = Point3::from(voxel.key.map(|k| (k as f32 + 0.5) * voxel_m));
+    let center = Point3::from(voxel.key.map(|k| (k as f32 + 0.5) * voxel_m)) + origin;
     match view.testify(&center, POSE_TOLERANCE_M + voxel_m) {
         Evidence::Agrees => {
             voxel.hits = voxel.hits.saturating_add_signed(sign);
