@@ -118,7 +118,7 @@ pub enum Command {
     /// Measure against truth.
     #[command(subcommand)]
     Eval(eval::EvalCommand),
-    /// Look into, check or export a map.
+    /// Look into, check, export, import or merge maps.
     #[command(subcommand)]
     Map(map::MapCommand),
     /// Generate, import or check a scene.
