@@ -26,6 +26,7 @@ pub mod picture;
 pub mod plot;
 pub mod report;
 pub mod run;
+pub mod sequence;
 pub mod session;
 pub mod settings;
 pub mod skills;
