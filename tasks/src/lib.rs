@@ -21,6 +21,7 @@ pub mod executor;
 pub mod joint_bounds;
 pub mod journal;
 pub mod judge;
+pub mod map_server;
 pub mod perception;
 pub mod picture;
 pub mod plot;

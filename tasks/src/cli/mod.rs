@@ -18,6 +18,7 @@ mod record;
 mod robot;
 mod run;
 mod scene;
+mod serve;
 mod suite;
 mod suite_done;
 mod suite_result;
@@ -119,6 +120,8 @@ pub enum Command {
     Record(record::RecordArgs),
     /// Map a recorded sequence, own or others' (TUM, Replica, ScanNet), without a simulator.
     Build(build::BuildArgs),
+    /// Answer questions about a map over HTTP on this machine or as an MCP server; nothing can be changed.
+    ServeMap(serve::ServeArgs),
     /// Ground a sentence in a map.
     Ground(ground::GroundArgs),
     /// Measure against truth.
@@ -158,6 +161,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Explore(args) => explore::run(args),
         Command::Record(args) => record::run(args),
         Command::Build(args) => build::run(args),
+        Command::ServeMap(args) => serve::run(args),
         Command::Ground(args) => ground::run(args),
         Command::Eval(command) => eval::run(command),
         Command::Map(command) => map::run(command),
