@@ -22,6 +22,8 @@ pub mod joint_bounds;
 pub mod journal;
 pub mod judge;
 pub mod map_server;
+#[cfg(feature = "mcap")]
+pub mod mcap_tape;
 pub mod perception;
 pub mod picture;
 pub mod plot;

@@ -3,6 +3,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot prepare its map fails")]
 
+mod python;
+
 use dsm::geometry::OrientedBox;
 use dsm::map::{
     AttributeKind, Attributes, CellState, Map, MapChange, MapObject, MapPoint, MapUpdate, ObjectId, ObjectState,
@@ -11,39 +13,11 @@ use dsm::map::{
 use dsm::store::{load_map, save_map};
 use dsm::time::Stamp;
 use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
+use python::{find_python, skip};
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
-
-const PACKAGES: [&str; 3] = ["plyfile==1.1.5", "pygltflib==1.16.5", "spark-dsg==1.1.3"];
-
-fn skip(reason: &str) {
-    println!("skipped: {reason}");
-    if let Some(log) = std::env::var_os("DSM_SKIP_LOG") {
-        let mut log = fs::OpenOptions::new().append(true).create(true).open(log).unwrap();
-        writeln!(log, "exchange: {reason}").unwrap();
-    }
-}
-
-/// A Python with the libraries, kept beside the build; `None` where it cannot be had.
-fn find_python() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("exchange-python");
-    let (python, done) = (folder.join("bin/python"), folder.join("packages"));
-    let wanted = PACKAGES.join("\n");
-    if fs::read_to_string(&done).is_ok_and(|found| found == wanted) {
-        return Some(python);
-    }
-    let succeeds = |command: &mut Command| command.output().is_ok_and(|output| output.status.success());
-    let made = succeeds(Command::new("python3").args(["-m", "venv"]).arg(&folder));
-    let install = ["-m", "pip", "install", "--quiet", "--retries", "1", "--timeout", "20"];
-    if made && succeeds(Command::new(&python).args(install).args(PACKAGES)) {
-        fs::write(done, wanted).unwrap();
-        return Some(python);
-    }
-    None
-}
 
 fn object(id: u64, name: &str, center: [f64; 3], yaw: f64, points: usize) -> MapObject {
     let mut names = Votes::default();
@@ -150,7 +124,9 @@ fn exports_are_read_by_others_and_come_back() {
         })
         .collect();
     fs::write(path.join("points.json"), serde_json::to_string(&points).unwrap()).unwrap();
-    let Some(python) = find_python() else { return skip("PyPI's plyfile, pygltflib and spark-dsg cannot be had") };
+    let Some(python) = find_python() else {
+        return skip("exchange: PyPI's plyfile, pygltflib and spark-dsg cannot be had");
+    };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/exchange.py");
     let output = Command::new(python).arg(script).arg(path).output().unwrap();
     let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));

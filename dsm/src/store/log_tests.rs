@@ -8,7 +8,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Length of magic, version and cell size.
+/// Length of magic, version and cell size. The record behind it, which says that a log begins, comes with it.
 const HEADER: usize = 20;
 
 fn object(id: u64, x: f64) -> MapObject {
@@ -105,7 +105,7 @@ fn a_log_cut_anywhere_keeps_its_whole_records() {
                 assert!(loaded.records >= seen);
                 seen = loaded.records;
             }
-            Err(_) => assert!(end < HEADER, "the log does not open at byte {end}"),
+            Err(_) => assert!(end < HEADER + 13, "the log does not open at byte {end}"),
         }
     }
     assert_eq!(seen, 2);
@@ -115,12 +115,11 @@ fn a_log_cut_anywhere_keeps_its_whole_records() {
 fn a_compacted_log_holds_the_same_and_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.dsm");
-    // After every flush.
     write_log(&path, 1);
     let loaded = load_map(&path).unwrap();
     assert_eq!((loaded.map, loaded.finished, loaded.loss), (applied(&history()), false, None));
-    // Two objects, relations and cells.
-    assert_eq!(loaded.records, 4);
+    // Two objects and cells, compacted after the first update; it is not yet long enough to be compacted again.
+    assert_eq!(loaded.records, 5);
 }
 
 #[test]
