@@ -9,7 +9,6 @@ const PACKAGES: [&str; 4] = ["plyfile==1.1.5", "pygltflib==1.16.5", "spark-dsg==
 
 /// Says that a test was skipped, and why.
 pub(crate) fn skip(reason: &str) {
-    println!("skipped: {reason}");
     if let Some(log) = std::env::var_os("DSM_SKIP_LOG") {
         let mut log = fs::OpenOptions::new().append(true).create(true).open(log).unwrap();
         writeln!(log, "{reason}").unwrap();
