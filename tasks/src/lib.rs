@@ -22,12 +22,19 @@ pub mod executor;
 pub mod joint_bounds;
 pub mod journal;
 pub mod judge;
+<<<<<<< HEAD
 pub mod pace;
+=======
+pub mod map_server;
+#[cfg(feature = "mcap")]
+pub mod mcap_tape;
+>>>>>>> store
 pub mod perception;
 pub mod picture;
 pub mod plot;
 pub mod report;
 pub mod run;
+pub mod sequence;
 pub mod session;
 pub mod settings;
 pub mod skills;

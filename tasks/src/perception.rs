@@ -6,7 +6,7 @@
 use crate::error::TaskError;
 use dsm::build::{Carrier, MapBuilder};
 use dsm::frame::RgbdFrame;
-use dsm::map::Map;
+use dsm::map::{Map, MapUpdate};
 use dsm::perceive::{Detections, Detector};
 use dsm::store::{MapLog, StoreError};
 use dsm::time::{Span, Stamp};
@@ -18,6 +18,39 @@ use std::thread::JoinHandle;
 struct Job {
     frame: Arc<RgbdFrame>,
     carrier: Carrier,
+}
+
+/// All that one frame brought, as the worker has it.
+pub struct Taped<'a> {
+    /// The frame.
+    pub frame: &'a RgbdFrame,
+    /// What was detected in it.
+    pub detections: &'a Detections,
+    /// Where the robot itself was.
+    pub carrier: &'a Carrier,
+    /// What of the map changed.
+    pub update: &'a MapUpdate,
+    /// The map after it.
+    pub map: &'a Map,
+}
+
+/// Keeps what the worker does, frame by frame. Nothing that it does changes a map.
+pub trait Tape: Send {
+    /// Takes in a frame.
+    fn record(&mut self, taped: &Taped<'_>) -> Result<(), StoreError>;
+
+    /// Comes to its end with the last map.
+    fn finish(self: Box<Self>, map: &Map) -> Result<(), StoreError>;
+}
+
+impl Tape for MapLog {
+    fn record(&mut self, taped: &Taped<'_>) -> Result<(), StoreError> {
+        self.append(taped.update.clone(), taped.map)
+    }
+
+    fn finish(self: Box<Self>, map: &Map) -> Result<(), StoreError> {
+        MapLog::finish(*self, map)
+    }
 }
 
 /// What one frame taught.
@@ -40,17 +73,17 @@ pub struct Perception {
 }
 
 impl Perception {
-    /// Starts the worker. `log` gets every update; results show `latency` after the frame's stamp.
+    /// Starts the worker. `tapes` get every frame; results show `latency` after the frame's stamp.
     pub fn start(
         detector: Box<dyn Detector>,
         builder: MapBuilder,
         map: Map,
-        log: Option<MapLog>,
+        tapes: Vec<Box<dyn Tape>>,
         latency: Span,
     ) -> Self {
         let (jobs, inbox) = channel::<Job>();
         let (outbox, results) = channel();
-        let worker = std::thread::spawn(move || work(detector, builder, map, log, &inbox, &outbox));
+        let worker = std::thread::spawn(move || work(detector, builder, map, tapes, &inbox, &outbox));
         Self { jobs: Some(jobs), results, under_way: VecDeque::new(), latency, worker: Some(worker) }
     }
 
@@ -73,7 +106,7 @@ impl Perception {
         }
     }
 
-    /// Waits for all frames under way, closes the log with the compact map, and gives back the last result.
+    /// Waits for all frames under way, ends the tapes with the last map, and gives back the last result.
     pub fn finish(mut self) -> Result<Option<Learned>, TaskError> {
         drop(self.jobs.take());
         let mut last = None;
@@ -93,23 +126,25 @@ fn work(
     mut detector: Box<dyn Detector>,
     mut builder: MapBuilder,
     mut map: Map,
-    mut log: Option<MapLog>,
+    mut tapes: Vec<Box<dyn Tape>>,
     inbox: &Receiver<Job>,
     outbox: &Sender<Result<Learned, StoreError>>,
 ) -> Result<(), StoreError> {
     while let Ok(Job { frame, carrier }) = inbox.recv() {
         let detections = detector.detect(&frame);
         let update = builder.observe(&map, &frame, &detections, &carrier);
-        if let Some(log) = &mut log
-            && let Err(error) = log.append(update.clone())
-        {
-            let _ = outbox.send(Err(error));
-            return Ok(());
-        }
+        let kept = (!tapes.is_empty()).then(|| update.clone());
         map.apply(update);
+        if let Some(update) = &kept {
+            let taped = Taped { frame: &frame, detections: &detections, carrier: &carrier, update, map: &map };
+            if let Err(error) = tapes.iter_mut().try_for_each(|tape| tape.record(&taped)) {
+                let _ = outbox.send(Err(error));
+                return Ok(());
+            }
+        }
         if outbox.send(Ok(Learned { frame, detections, map: Arc::new(map.clone()) })).is_err() {
             break;
         }
     }
-    log.map_or(Ok(()), |log| log.finish(&map))
+    tapes.into_iter().try_for_each(|tape| tape.finish(&map))
 }

@@ -41,6 +41,14 @@ pub fn depth_png(frame: &RgbdFrame) -> Vec<u8> {
     encode_png(frame.model.width, frame.model.height, &pixels)
 }
 
+/// The depth image in whole millimetres as 16-bit grey PNG; 0 where there is no return or it is beyond 65.5 m.
+pub fn depth_mm_png(frame: &RgbdFrame) -> Vec<u8> {
+    let mm = |depth: &f32| Some((f64::from(*depth) * 1e3).round()).filter(|mm| *mm <= 65_535.0).unwrap_or(0.0) as u16;
+    let big_endian: Vec<u8> = frame.depth_m.iter().flat_map(|depth| mm(depth).to_be_bytes()).collect();
+    let size = (frame.model.width, frame.model.height);
+    encode(size, png::ColorType::Grayscale, png::BitDepth::Sixteen, &big_endian)
+}
+
 /// The frame at half its size, for pages with many pictures: colours are averaged, depths picked.
 pub fn halved(frame: &RgbdFrame) -> RgbdFrame {
     let (width, height) = (frame.model.width / 2, frame.model.height / 2);
@@ -359,13 +367,17 @@ fn color_of_depth(depth_m: f32) -> [u8; 3] {
 }
 
 fn encode_png(width: u32, height: u32, pixels: &[[u8; 3]]) -> Vec<u8> {
+    encode((width, height), png::ColorType::Rgb, png::BitDepth::Eight, pixels.as_flattened())
+}
+
+fn encode((width, height): (u32, u32), color: png::ColorType, depth: png::BitDepth, data: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_color(color);
+    encoder.set_depth(depth);
     // Noise does not get smaller by trying harder.
     encoder.set_compression(png::Compression::Fast);
-    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(pixels.as_flattened()));
+    let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(data));
     // Only an image without pixels, or one whose sides do not fit its pixels, is refused; there is nothing to show then.
     if written.is_err() {
         bytes.clear();

@@ -3,6 +3,7 @@
 use crate::episode::Episode;
 use crate::error::TaskError;
 use crate::journal::{Journal, Moment};
+use crate::perception::Tape;
 use crate::session::Session;
 use crate::summary::Summary;
 use dsm::map::Map;
@@ -90,7 +91,18 @@ pub fn run_episode(
     interrupted: Arc<AtomicBool>,
     progress: Box<dyn Progress>,
 ) -> Result<Finished, TaskError> {
-    let mut session = Session::begin(spec, map_file, interrupted, progress)?;
+    run_taped(spec, map_file, Vec::new(), interrupted, progress)
+}
+
+/// As [`run_episode`]; `tapes` keep what the map is made of.
+pub fn run_taped(
+    spec: &RunSpec,
+    map_file: Option<&Path>,
+    tapes: Vec<Box<dyn Tape>>,
+    interrupted: Arc<AtomicBool>,
+    progress: Box<dyn Progress>,
+) -> Result<Finished, TaskError> {
+    let mut session = Session::begin_taped(spec, map_file, tapes, interrupted, progress)?;
     session.run(&spec.episode.steps);
     session.finish()
 }

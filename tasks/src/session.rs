@@ -23,7 +23,7 @@ use crate::error::TaskError;
 use crate::executor::{Account, Executor, reason_of, words_of};
 use crate::journal::Moment;
 use crate::judge::Judge;
-use crate::perception::Perception;
+use crate::perception::{Perception, Tape};
 use crate::run::{CELL_M, Finished, Progress, RunSpec};
 use crate::skills::Outcome;
 use crate::skills::grasp::GraspSettings;
@@ -60,13 +60,26 @@ impl Session {
         interrupted: Arc<AtomicBool>,
         progress: Box<dyn Progress>,
     ) -> Result<Self, TaskError> {
+        Self::begin_taped(spec, map_file, Vec::new(), interrupted, progress)
+    }
+
+    /// As [`Self::begin`]; `tapes` keep what the map is made of.
+    pub fn begin_taped(
+        spec: &RunSpec,
+        map_file: Option<&Path>,
+        mut tapes: Vec<Box<dyn Tape>>,
+        interrupted: Arc<AtomicBool>,
+        progress: Box<dyn Progress>,
+    ) -> Result<Self, TaskError> {
         let Assembled { robot, model, detector, truth, judge } = assemble(spec)?;
         let knowledge = knowledge()?;
-        let log = map_file.map(|path| MapLog::create(path, CELL_M)).transpose()?;
+        if let Some(path) = map_file {
+            tapes.push(Box::new(MapLog::create(path, CELL_M)?));
+        }
         let config = AgentConfig::default();
         let map = Map::new(CELL_M);
         let builder = MapBuilder::new(BuildConfig::default(), knowledge.clone());
-        let perception = Perception::start(detector, builder, map.clone(), log, config.mapping_latency);
+        let perception = Perception::start(detector, builder, map.clone(), tapes, config.mapping_latency);
         let judge = Rc::new(RefCell::new(judge));
         let progress = Rc::new(RefCell::new(progress));
         let (watcher, listener) = (judge.clone(), progress.clone());

@@ -42,7 +42,7 @@ pub fn drive(spec: &RunSpec, interrupted: Arc<AtomicBool>) -> Result<Vec<Moment>
     let config = AgentConfig::default();
     let map = Map::new(CELL_M);
     let builder = MapBuilder::new(BuildConfig::default(), knowledge()?);
-    let perception = Perception::start(detector, builder, map.clone(), None, config.mapping_latency);
+    let perception = Perception::start(detector, builder, map.clone(), Vec::new(), config.mapping_latency);
     // Nobody judges this run.
     drop(truth);
     let deadline = Stamp::from_s(spec.time_limit_s);

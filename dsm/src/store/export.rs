@@ -1,5 +1,7 @@
 //! Exports for other tools.
 
+use super::gltf::glb;
+use super::spark_dsg::spark_dsg;
 use super::{StoreError, show_map, write_atomically};
 use crate::map::{CellState, Map};
 use std::fmt::Write;
@@ -14,6 +16,10 @@ pub enum ExportFormat {
     Json,
     /// One object a line.
     Csv,
+    /// glTF 2.0, binary.
+    Gltf,
+    /// A scene graph as spark_dsg reads it.
+    SparkDsg,
     /// Occupancy image and its `.yaml`, as Nav2's map server reads them.
     Nav2,
 }
@@ -24,6 +30,8 @@ pub fn export_map(map: &Map, format: ExportFormat, path: &Path) -> Result<(), St
         ExportFormat::Ply => write_atomically(path, ply(map).as_bytes()),
         ExportFormat::Json => write_atomically(path, json(map).as_bytes()),
         ExportFormat::Csv => write_atomically(path, csv(map).as_bytes()),
+        ExportFormat::Gltf => write_atomically(path, &glb(map)),
+        ExportFormat::SparkDsg => write_atomically(path, spark_dsg(map).to_string().as_bytes()),
         ExportFormat::Nav2 => {
             let (image, yaml) = nav2(map, path);
             write_atomically(path, &image)?;

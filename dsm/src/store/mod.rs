@@ -1,22 +1,38 @@
 //! Map files and exports.
 //!
-//! A map file (`map.dsm`) is an append-only log. It starts with [`MAGIC`] and the format version; each record is
-//! `length: u32, crc32: u32, payload`, little-endian, with a [`crate::map::MapUpdate`] in postcard as payload. Reading
-//! a map applies all updates in order. A file cut off in the middle of a record opens up to that record; a record whose
-//! checksum is wrong ends the reading, and the loss is reported. A finished map holds one update with everything.
+//! A map file (`map.dsm`) is an append-only log of records, each with a checksum and a [`crate::map::MapUpdate`]; reading a
+//! map applies all updates in order. Whatever is whole in a file is read, and what is not is reported. `docs/map_format.md`
+//! tells it byte by byte. A finished map is the compact form: one record for each object, then relations, rooms and free
+//! space.
 
 mod atomic;
 mod export;
+mod gltf;
+mod load;
 mod log;
+mod merge;
+mod record;
 mod show;
+mod spark_dsg;
 
 pub use atomic::write_atomically;
 pub use export::{ExportFormat, export_map};
-pub use log::{FORMAT_VERSION, LoadedMap, MAGIC, MapLog, load_map, save_map};
+pub use load::{LoadedMap, decode, load_map};
+pub use log::{MapLog, save_map};
+pub use merge::{Merged, merge_maps};
+pub use record::Lost;
 pub use show::{ShownAttributes, ShownMap, ShownObject, ShownRelation, ShownRoom, show_map};
+pub use spark_dsg::import_spark_dsg;
 
 use std::path::PathBuf;
 use thiserror::Error;
+
+/// First bytes of every map file.
+pub const MAGIC: &[u8; 8] = b"DSM-MAP\n";
+/// Major version of the format: a file with another one is refused.
+pub const FORMAT_VERSION: u32 = 1;
+/// Minor version that is written. All minor versions are read; records of a kind that is not known are skipped.
+pub const MINOR_VERSION: u16 = 1;
 
 /// Why a file could not be read or written.
 #[derive(Debug, Error)]
@@ -66,6 +82,16 @@ pub enum StoreError {
         path: PathBuf,
         /// The object.
         object: u64,
+        /// What is wrong.
+        reason: String,
+    },
+    /// It is not what it should be, in another's format.
+    #[error("{}: not {expected}: {reason}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// The format.
+        expected: &'static str,
         /// What is wrong.
         reason: String,
     },

@@ -1,10 +1,8 @@
 //! `dsm ground MAP TEXT`.
 
 use super::{Output, ResultArgs};
-use crate::error::TaskError;
 use dsm::ground::{Grounding, GroundingStatus};
 use dsm::map::Map;
-use dsm::store::load_map;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -21,13 +19,10 @@ pub struct GroundArgs {
 
 /// Grounds the text; code 0 when found, 1 when absent, ambiguous or not understood.
 pub(super) fn run(args: GroundArgs) -> anyhow::Result<u8> {
-    let loaded = load_map(&args.map).map_err(TaskError::from)?;
-    if let Some(loss) = &loaded.loss {
-        tracing::warn!("{}: the last {} bytes are lost: {loss}", args.map.display(), loaded.lost_bytes);
-    }
+    let map = super::map::load(&args.map)?;
     let grounder = crate::assemble::grounder()?;
-    let grounding = grounder.ground(&loaded.map, &args.text, None);
-    Output::new(args.result).give(&grounding, || describe(&grounding, &loaded.map))?;
+    let grounding = grounder.ground(&map, &args.text, None);
+    Output::new(args.result).give(&grounding, || describe(&grounding, &map))?;
     Ok(u8::from(grounding.status != GroundingStatus::Found))
 }
 

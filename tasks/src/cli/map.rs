@@ -1,9 +1,16 @@
-//! `dsm map show|check|export`.
+//! `dsm map show|check|export|import|merge`.
 
 use super::{Output, ResultArgs};
 use crate::error::TaskError;
 use crate::picture::{map_png, map_svg};
-use dsm::store::{ExportFormat, ShownMap, export_map, load_map, save_map, show_map, write_atomically};
+use dsm::Pose;
+use dsm::build::BuildConfig;
+use dsm::map::Map;
+use dsm::store::{
+    ExportFormat, FORMAT_VERSION, Lost, Merged, ShownMap, export_map, import_spark_dsg, load_map, merge_maps, save_map,
+    show_map, write_atomically,
+};
+use nalgebra::{Translation3, UnitQuaternion};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -36,10 +43,37 @@ pub enum MapCommand {
         /// A map file.
         map: PathBuf,
         /// The file to write.
-        output: PathBuf,
+        #[arg(required_unless_present = "out", conflicts_with = "out")]
+        output: Option<PathBuf>,
+        /// The file to write.
+        #[arg(short, long, value_name = "FILE")]
+        out: Option<PathBuf>,
         /// The format; from the file's ending when left out.
         #[arg(long)]
         format: Option<FormatChoice>,
+    },
+    /// Make a map of a scene graph that spark_dsg (Hydra) wrote as JSON.
+    Import {
+        /// The scene graph.
+        file: PathBuf,
+        /// The map file to write.
+        #[arg(short, long, value_name = "FILE")]
+        out: PathBuf,
+    },
+    /// Put two maps of one place into one.
+    Merge {
+        /// A map file; its world and its identities stay.
+        map: PathBuf,
+        /// The map file that is put into it.
+        other: PathBuf,
+        /// Where the other map's world lies in the first one's: metres and radians (about z).
+        #[arg(long, value_name = "X,Y,Z,YAW", value_parser = parse_transform, allow_hyphen_values = true)]
+        transform: Pose,
+        /// The map file to write.
+        #[arg(short, long, value_name = "FILE")]
+        out: PathBuf,
+        #[command(flatten)]
+        result: ResultArgs,
     },
 }
 
@@ -52,6 +86,10 @@ pub enum FormatChoice {
     Json,
     /// Objects.
     Csv,
+    /// glTF 2.0, binary (.glb).
+    Gltf,
+    /// Scene graph for spark_dsg (JSON).
+    SparkDsg,
     /// Nav2 occupancy map (.pgm and .yaml).
     Nav2,
     /// Picture from above, drawn from the measured points.
@@ -63,26 +101,46 @@ pub enum FormatChoice {
 #[derive(Serialize)]
 struct Checked {
     whole: bool,
+    version: String,
+    finished: bool,
     records: usize,
+    missing_records: u64,
+    unknown_records: usize,
     lost_bytes: u64,
+    lost: Vec<LostBytes>,
     loss: Option<String>,
     objects: usize,
     relations: usize,
     rooms: usize,
 }
 
+#[derive(Serialize)]
+struct LostBytes {
+    from: u64,
+    to: u64,
+    reason: String,
+}
+
 /// Runs a map command.
 pub(super) fn run(command: MapCommand) -> anyhow::Result<u8> {
     match command {
         MapCommand::Show { map, result } => {
-            let shown = show_map(&load_map(&map).map_err(TaskError::from)?.map);
+            let shown = show_map(&load(&map)?);
             Output::new(result).give(&shown, || list(&shown))?;
             Ok(0)
         }
         MapCommand::Check { map, repair, result } => check(&map, repair.as_deref(), result),
-        MapCommand::Export { map, output, format } => {
+        MapCommand::Import { file, out } => {
+            let map = import_spark_dsg(&file).map_err(TaskError::from)?;
+            save_map(&out, &map).map_err(TaskError::from)?;
+            Ok(0)
+        }
+        MapCommand::Merge { map, other, transform, out, result } => merge([&map, &other], &transform, &out, result),
+        MapCommand::Export { map, output, out, format } => {
+            // One of the two is there, or the flags are refused.
+            let output = output.or(out).unwrap_or_default();
             let format = choose_format(format, &output)?;
-            let map = load_map(&map).map_err(TaskError::from)?.map;
+            let map = load(&map)?;
             let drawn = |picture: Option<Vec<u8>>| {
                 picture.ok_or_else(|| TaskError::Usage("the map is empty: there is nothing to draw".into()))
             };
@@ -97,12 +155,60 @@ pub(super) fn run(command: MapCommand) -> anyhow::Result<u8> {
     }
 }
 
+/// The map in a file; what of it is lost is said on stderr.
+pub(super) fn load(path: &Path) -> Result<Map, TaskError> {
+    let loaded = load_map(path)?;
+    if let Some(loss) = &loaded.loss {
+        tracing::warn!("{}: {loss}", path.display());
+    }
+    Ok(loaded.map)
+}
+
+#[derive(Serialize)]
+struct MergedMap {
+    objects: usize,
+    #[serde(flatten)]
+    merged: Merged,
+}
+
+fn merge(maps: [&Path; 2], transform: &Pose, out: &Path, result: ResultArgs) -> anyhow::Result<u8> {
+    let [map, other] = [load(maps[0])?, load(maps[1])?];
+    let knowledge = crate::assemble::knowledge()?;
+    let (map, merged) = merge_maps(&map, &other, transform, &BuildConfig::default(), &knowledge);
+    save_map(out, &map).map_err(TaskError::from)?;
+    let merged = MergedMap { objects: map.objects.len(), merged };
+    Output::new(result).give(&merged, || {
+        let Merged { in_both, added, rooms_in_both, rooms_added } = merged.merged;
+        format!(
+            "{} objects: {in_both} in both maps, {added} added; {rooms_in_both} rooms in both, {rooms_added} added",
+            merged.objects
+        )
+    })?;
+    Ok(0)
+}
+
+/// `X,Y,Z,YAW` in metres and radians.
+fn parse_transform(text: &str) -> Result<Pose, String> {
+    let values: Vec<f64> = text.split(',').map_while(|part| part.trim().parse().ok()).collect();
+    match values[..] {
+        [x, y, z, yaw] if values.iter().all(|v| v.is_finite()) && text.split(',').count() == 4 => {
+            Ok(Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(0.0, 0.0, yaw)))
+        }
+        _ => Err("expected four numbers x,y,z,yaw in metres and radians, for example 1.5,0,0,3.14".into()),
+    }
+}
+
 fn check(path: &Path, repair: Option<&Path>, result: ResultArgs) -> anyhow::Result<u8> {
     let loaded = load_map(path).map_err(TaskError::from)?;
     let checked = Checked {
-        whole: loaded.lost_bytes == 0,
+        whole: loaded.loss.is_none(),
+        version: format!("{FORMAT_VERSION}.{}", loaded.minor_version),
+        finished: loaded.finished,
         records: loaded.records,
+        missing_records: loaded.missing_records,
+        unknown_records: loaded.unknown_records,
         lost_bytes: loaded.lost_bytes,
+        lost: loaded.lost.into_iter().map(|Lost { from, to, reason }| LostBytes { from, to, reason }).collect(),
         loss: loaded.loss,
         objects: loaded.map.objects.len(),
         relations: loaded.map.relations.len(),
@@ -112,10 +218,16 @@ fn check(path: &Path, repair: Option<&Path>, result: ResultArgs) -> anyhow::Resu
         save_map(path, &loaded.map).map_err(TaskError::from)?;
     }
     Output::new(result).give(&checked, || match &checked.loss {
-        None => format!("whole: {} records, {} objects", checked.records, checked.objects),
+        None => format!(
+            "whole: {} records, {} objects{}",
+            checked.records,
+            checked.objects,
+            if checked.finished { "" } else { "; the log of a run that goes on or broke off" }
+        ),
         Some(loss) => format!(
-            "{} bytes at the end are lost: {loss}; {} records with {} objects are whole",
-            checked.lost_bytes, checked.records, checked.objects
+            "{loss}; {} records with {} objects are whole. An object whose last record is lost is missing or as it was \
+             before; one that was removed in a lost record is still there",
+            checked.records, checked.objects
         ),
     })?;
     Ok(u8::from(!checked.whole))
@@ -135,10 +247,12 @@ fn choose_format(choice: Option<FormatChoice>, output: &Path) -> Result<Format, 
         (Some(FormatChoice::Ply), _) | (None, Some("ply")) => ExportFormat::Ply,
         (Some(FormatChoice::Json), _) | (None, Some("json")) => ExportFormat::Json,
         (Some(FormatChoice::Csv), _) | (None, Some("csv")) => ExportFormat::Csv,
+        (Some(FormatChoice::Gltf), _) | (None, Some("glb")) => ExportFormat::Gltf,
+        (Some(FormatChoice::SparkDsg), _) => ExportFormat::SparkDsg,
         (Some(FormatChoice::Nav2), _) | (None, Some("pgm")) => ExportFormat::Nav2,
         (None, _) => {
             let name = output.display();
-            let expected = "expected .ply, .json, .csv, .pgm, .png or .svg, or --format";
+            let expected = "expected .ply, .json, .csv, .glb, .pgm, .png or .svg, or --format";
             return Err(TaskError::Usage(format!("{name}: {expected}")));
         }
     };

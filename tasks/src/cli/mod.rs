@@ -2,6 +2,7 @@
 
 mod bench;
 mod bench_map;
+mod build;
 mod eval;
 mod eval_drives;
 mod eval_episodes;
@@ -13,9 +14,11 @@ mod ground;
 mod info;
 mod map;
 mod output;
+mod record;
 mod robot;
 mod run;
 mod scene;
+mod serve;
 mod suite;
 mod suite_done;
 mod suite_result;
@@ -113,12 +116,18 @@ pub enum Command {
     Suite(suite::SuiteArgs),
     /// Explore a scene and keep its map.
     Explore(explore::ExploreArgs),
+    /// Run an episode and keep what its map was made of: an RGB-D sequence with detections.
+    Record(record::RecordArgs),
+    /// Map a recorded sequence, own or others' (TUM, Replica, ScanNet), without a simulator.
+    Build(build::BuildArgs),
+    /// Answer questions about a map over HTTP on this machine or as an MCP server; nothing can be changed.
+    ServeMap(serve::ServeArgs),
     /// Ground a sentence in a map.
     Ground(ground::GroundArgs),
     /// Measure against truth.
     #[command(subcommand)]
     Eval(eval::EvalCommand),
-    /// Look into, check or export a map.
+    /// Look into, check, export, import or merge maps.
     #[command(subcommand)]
     Map(map::MapCommand),
     /// Generate, import or check a scene.
@@ -150,6 +159,9 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Run(args) => run::run(args),
         Command::Suite(args) => suite::run(args),
         Command::Explore(args) => explore::run(args),
+        Command::Record(args) => record::run(args),
+        Command::Build(args) => build::run(args),
+        Command::ServeMap(args) => serve::run(args),
         Command::Ground(args) => ground::run(args),
         Command::Eval(command) => eval::run(command),
         Command::Map(command) => map::run(command),

@@ -6,7 +6,8 @@ use super::view::{DEFAULT_PORT, View};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
-use crate::run::{Progress, RunSpec, run_episode};
+use crate::perception::Tape;
+use crate::run::{Progress, RunSpec, run_taped};
 use crate::settings::Settings;
 use crate::summary::Summary;
 use dsm::store::write_atomically;
@@ -64,7 +65,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<u8> {
         tracing::warn!("watch at {}", view.address);
         progress = view.watch(progress);
     }
-    let summary = run_and_write(&spec, &folder, interrupted.clone(), progress)?;
+    let summary = run_and_write(&spec, &folder, Vec::new(), interrupted.clone(), progress)?;
     bar.finish_and_clear();
     drop(view);
     Output::new(args.result).give(&summary, || describe(&summary, &folder))?;
@@ -95,13 +96,14 @@ pub fn prepare(file: &Path, world: &WorldArgs) -> Result<(RunSpec, Settings), Ta
 pub(super) fn run_and_write(
     spec: &RunSpec,
     folder: &Path,
+    tapes: Vec<Box<dyn Tape>>,
     interrupted: Arc<AtomicBool>,
     progress: Box<dyn Progress>,
 ) -> Result<Summary, TaskError> {
     // Wall time is measured here, at the edge, and goes into timing.json alone.
     #[expect(clippy::disallowed_methods)]
     let begin = std::time::Instant::now();
-    let finished = run_episode(spec, Some(&folder.join("map.dsm")), interrupted, progress)?;
+    let finished = run_taped(spec, Some(&folder.join("map.dsm")), tapes, interrupted, progress)?;
     let run_s = begin.elapsed().as_secs_f64();
     let sim_time_s = finished.summary.metrics.sim_time_s;
     let timing = |wall_s: f64| Timing {
@@ -168,7 +170,7 @@ pub(super) fn progress_bar(limit_s: f64) -> ProgressBar {
     bar
 }
 
-fn describe(summary: &Summary, folder: &Path) -> String {
+pub(super) fn describe(summary: &Summary, folder: &Path) -> String {
     let mut text = format!(
         "{} (seed {}): {}\n",
         summary.episode,

@@ -3,7 +3,7 @@
 use crate::bench::{Bench, refuse};
 use dsm::geometry::OrientedBox;
 use dsm::map::{Attributes, Map, MapChange, MapObject, MapPoint, MapUpdate, ObjectId, ObjectState, Votes};
-use dsm::store::{MapLog, save_map};
+use dsm::store::{MapLog, load_map, save_map};
 use dsm::time::Stamp;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use std::fs;
@@ -12,6 +12,8 @@ const SHOW: [&str; 3] = ["map", "show", "map.dsm"];
 const GROUND: [&str; 3] = ["ground", "map.dsm", "the apple"];
 /// Length of magic, version and cell size.
 const HEADER: usize = 20;
+/// Where the first object's record begins: behind the one that says how many there are.
+const FIRST: usize = HEADER + 14;
 
 fn apple(id: u64) -> MapObject {
     let mut names = Votes::default();
@@ -67,9 +69,9 @@ refuse! {
     map_header_is_cut: damaged(|b| b.truncate(11)), SHOW, ["map.dsm: no readable record at byte 11", "the header is cut off"];
     map_version_is_newer: damaged(|b| b[8] = 9), SHOW, ["map.dsm: map format version 9 is not known", "reads version 1"];
     map_cell_size_is_garbage: damaged(|b| b[12..20].fill(0xff)), SHOW, ["map.dsm", "byte 12", "outside 0.001 to 1 m"];
-    map_record_is_cut: damaged(|b| b.truncate(b.len() - 1)), SHOW, ["map.dsm: no readable record at byte 20", "a record is cut off"];
-    map_byte_is_flipped: damaged(|b| *b.last_mut().unwrap() ^= 1), SHOW, ["map.dsm", "byte 20", "a checksum is wrong"];
-    map_length_is_absurd: damaged(|b| b[HEADER..HEADER + 4].fill(0xff)), SHOW, ["map.dsm", "a record claims 4294967295 bytes"];
+    map_record_is_cut: damaged(|b| b.truncate(b.len() - 1)), SHOW, ["map.dsm: no readable record at byte 34", "a record is cut off"];
+    map_byte_is_flipped: damaged(|b| *b.last_mut().unwrap() ^= 1), SHOW, ["map.dsm", "byte 34", "a checksum is wrong"];
+    map_length_is_absurd: damaged(|b| b[FIRST + 5..FIRST + 9].fill(0xff)), SHOW, ["map.dsm", "a record claims 4294967295 bytes"];
     map_box_is_nan: with_bounds(|b| b.center.x = f64::NAN), SHOW, ["map.dsm: object 3: its box is not finite"];
     map_box_is_negative: with_bounds(|b| b.size.y = -0.1), SHOW, ["map.dsm: object 3: its box has a negative size"];
     grounding_in_a_damaged_map: damaged(|b| *b.last_mut().unwrap() ^= 1), GROUND, ["map.dsm", "a checksum is wrong"];
@@ -78,7 +80,14 @@ refuse! {
     repairing_something_else: Bench::new().file("map.dsm", "words"), ["map", "check", "map.dsm", "--repair", "new.dsm"],
         ["map.dsm: not a map file"];
     export_to_an_unknown_format: map_of(apple(1)), ["map", "export", "map.dsm", "map.docx"],
-        ["map.docx: expected .ply, .json, .csv, .pgm, .png or .svg, or --format"];
+        ["map.docx: expected .ply, .json, .csv, .glb, .pgm, .png or .svg, or --format"];
+    export_without_a_file: map_of(apple(1)), ["map", "export", "map.dsm"], ["required", "OUTPUT"];
+    import_of_something_else: Bench::new().file("graph.json", "{\"nodes\": 3}"),
+        ["map", "import", "graph.json", "-o", "new.dsm"], ["graph.json: not spark_dsg JSON", "line 1"];
+    merge_without_numbers: map_of(apple(1)), ["map", "merge", "map.dsm", "map.dsm", "--transform", "1,2,left", "-o", "new.dsm"],
+        ["expected four numbers x,y,z,yaw"];
+    merge_with_a_missing_map: map_of(apple(1)),
+        ["map", "merge", "map.dsm", "other.dsm", "--transform", "0,0,0,0", "-o", "new.dsm"], ["other.dsm", "No such file"];
     export_of_a_damaged_map: damaged(|b| *b.last_mut().unwrap() ^= 1), ["map", "export", "map.dsm", "map.ply"],
         ["map.dsm", "a checksum is wrong"];
     drawing_of_an_empty_map: damaged(|b| b.truncate(HEADER)), ["map", "export", "map.dsm", "map.png"],
@@ -94,9 +103,12 @@ fn a_log_that_breaks_off_opens_up_to_its_last_whole_record() {
     let bench = Bench::new();
     let path = bench.path().join("map.dsm");
     let mut log = MapLog::create(&path, 0.05).unwrap();
+    let mut map = Map::new(0.05);
     for (second, id) in [(2, 1), (4, 2)] {
         let changes = vec![MapChange::Put(Box::new(apple(id)))];
-        log.append(MapUpdate { stamp: Stamp::from_s(f64::from(second)), changes }).unwrap();
+        let update = MapUpdate { stamp: Stamp::from_s(f64::from(second)), changes };
+        map.apply(update.clone());
+        log.append(update, &map).unwrap();
     }
     drop(log);
     let bytes = fs::read(&path).unwrap();
@@ -108,4 +120,33 @@ fn a_log_that_breaks_off_opens_up_to_its_last_whole_record() {
     let repaired = bench.run(&["map", "check", "map.dsm", "--repair", "new.dsm"]);
     assert_eq!(repaired.status.code(), Some(1));
     assert_eq!(bench.run(&["map", "check", "new.dsm"]).status.code(), Some(0));
+}
+
+/// Two maps of one apple, the second's world two metres ahead and turned by half a circle.
+#[test]
+fn merged_maps_hold_what_both_show_once() {
+    let bench = map_of(apple(1));
+    let mut turned = apple(7);
+    turned.bounds.center = Point3::new(1.0, -2.0, 0.5);
+    turned.points.iter_mut().for_each(|point| point.position = Point3::new(1.0, -2.0, 0.5));
+    let mut second = apple(8);
+    second.bounds.center.x = -3.0;
+    let mut map = Map::new(0.05);
+    let changes = [turned, second].map(|object| MapChange::Put(Box::new(object))).to_vec();
+    map.apply(MapUpdate { stamp: Stamp::default(), changes });
+    save_map(&bench.path().join("other.dsm"), &map).unwrap();
+    let transform = format!("2,0,0,{}", std::f64::consts::PI);
+    let merged = bench.run(&["map", "merge", "map.dsm", "other.dsm", "--transform", &transform, "-o", "both.dsm"]);
+    let text = String::from_utf8_lossy(&merged.stdout);
+    assert!(
+        text.starts_with("2 objects: 1 in both maps, 1 added"),
+        "{text} {}",
+        String::from_utf8_lossy(&merged.stderr)
+    );
+    let both = load_map(&bench.path().join("both.dsm")).unwrap().map;
+    let centers: Vec<[f64; 2]> = both.objects.values().map(|o| [o.bounds.center.x, o.bounds.center.y]).collect();
+    assert!((centers[0][0] - 1.0).abs() < 1e-9 && (centers[0][1] - 2.0).abs() < 1e-9, "{centers:?}");
+    assert!((centers[1][0] - 5.0).abs() < 1e-9 && (centers[1][1] + 2.0).abs() < 1e-9, "{centers:?}");
+    let shared = &both.objects[&ObjectId(1)];
+    assert_eq!((shared.observations, shared.points.len(), shared.names.total()), (10, 60, 2.0));
 }
