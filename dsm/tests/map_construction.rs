@@ -179,11 +179,7 @@ fn what_wanders_about_the_truth_ends_near_it() {
 fn truth(world: &World, object: &dsm::map::MapObject) -> Point2<f64> {
     let centers = world.blocks.iter().map(|block| block.bounds.center());
     let off = |c: &nalgebra::Point3<f64>| (c - object.bounds.center).norm();
-<<<<<<< HEAD
     centers.min_by(|a, b| off(a).total_cmp(&off(b))).expect("a world has walls").xy()
-=======
-    centers.min_by(|a, b| off(a).total_cmp(&off(b))).unwrap().xy()
->>>>>>> store
 }
 
 #[test]

@@ -22,13 +22,10 @@ pub mod executor;
 pub mod joint_bounds;
 pub mod journal;
 pub mod judge;
-<<<<<<< HEAD
-pub mod pace;
-=======
 pub mod map_server;
 #[cfg(feature = "mcap")]
 pub mod mcap_tape;
->>>>>>> store
+pub mod pace;
 pub mod perception;
 pub mod picture;
 pub mod plot;
