@@ -2,7 +2,7 @@
 
 use super::query::{AttributeTerm, AttributeWord, Noun};
 use super::words;
-use crate::knowledge::{Knowledge, normalize, singular_of};
+use crate::knowledge::{Knowledge, misspelling_distance, normalize, singular_of};
 use crate::map::Map;
 use std::collections::BTreeSet;
 
@@ -52,13 +52,9 @@ impl Names {
         self.known.iter().filter(holds).min_by_key(|name| name.len()).map(String::as_str)
     }
 
-    /// The one name that a misspelt phrase comes close to: a letter away, two from 8 letters on, first letter right.
+    /// The one name that a misspelt phrase comes close to.
     fn find_misspelt(&self, phrase: &str) -> Option<&str> {
-        let length = phrase.chars().count();
-        let allowed = if length >= 8 { 2 } else { 1 };
-        let initial = phrase.chars().next().filter(|_| length >= 4)?;
-        let close = |name: &&String| name.starts_with(initial) && strsim::osa_distance(name, phrase) <= allowed;
-        let mut close = self.known.iter().filter(close);
+        let mut close = self.known.iter().filter(|name| misspelling_distance(phrase, name).is_some());
         match (close.next(), close.next()) {
             (Some(only), None) => Some(only),
             _ => None,

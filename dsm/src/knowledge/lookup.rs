@@ -102,25 +102,13 @@ impl Knowledge {
     }
 
     fn find_misspelled(&self, name: &str) -> Option<usize> {
-        let length = name.chars().count();
-        if length < 4 {
-            return None;
-        }
-        let allowed = if length >= 8 { 2 } else { 1 };
         // The first letter must agree, and the index is in alphabetical order.
         let first = name.chars().next()?;
         let mut best: Option<(usize, usize)> = None;
         let mut unique = true;
         let same_letter = self.index.range(first.to_string()..).take_while(|(known, _)| known.starts_with(first));
         for (known, &category) in same_letter {
-            let known_length = known.chars().count();
-            if known_length.abs_diff(length) > allowed || known_length < 4 {
-                continue;
-            }
-            let distance = strsim::osa_distance(name, known);
-            if distance > allowed {
-                continue;
-            }
+            let Some(distance) = misspelling_distance(name, known) else { continue };
             match best {
                 Some((least, _)) if distance > least => {}
                 Some((least, owner)) if distance == least => unique &= owner == category,
@@ -168,6 +156,18 @@ fn spelling_similarity(a: &str, b: &str) -> f32 {
     let heads = if head(a) == head(b) { 0.7 } else { 0.0 };
     let spelling = strsim::normalized_damerau_levenshtein(a, b) as f32;
     if spelling >= 0.8 { spelling.max(heads) } else { heads }
+}
+
+/// How many letters are wrong, missing, too many or swapped when `written` is a misspelt `known`: one at most, two from 8
+/// letters on, the first one right; `None` for words that are too short to tell or too far apart.
+pub(crate) fn misspelling_distance(written: &str, known: &str) -> Option<usize> {
+    let (length, known_length) = (written.chars().count(), known.chars().count());
+    let allowed = if length >= 8 { 2 } else { 1 };
+    let is_near = length >= 4
+        && known_length >= 4
+        && known_length.abs_diff(length) <= allowed
+        && written.chars().next() == known.chars().next();
+    is_near.then(|| strsim::osa_distance(written, known)).filter(|distance| *distance <= allowed)
 }
 
 #[cfg(test)]

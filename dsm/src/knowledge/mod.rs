@@ -13,6 +13,7 @@ mod words;
 
 pub use category::{Category, Knowledge, KnowledgeError};
 pub use lookup::Meaning;
+pub(crate) use lookup::misspelling_distance;
 pub use room_names::RoomScores;
 pub use wording::{normalize, singular_of};
 pub use words::{ColorPrototype, WordList, Words};
