@@ -382,9 +382,10 @@ impl Follower {
         dt_s: f64,
     ) -> Option<BlockReason> {
         let c = &self.config;
-        let pushes = self.command.forward_m_per_s.abs() > 0.04
+        // An arm that sticks out beside things is moved slowly: a slow command stalls as well.
+        let pushes = self.command.forward_m_per_s.abs() > 0.03
             && measured.forward_m_per_s.abs() < 0.15 * self.command.forward_m_per_s.abs()
-            || self.command.turn_rad_per_s.abs() > 0.15
+            || self.command.turn_rad_per_s.abs() > 0.06
                 && measured.turn_rad_per_s.abs() < 0.15 * self.command.turn_rad_per_s.abs();
         self.stalled_s = if pushes { self.stalled_s + dt_s } else { 0.0 };
         if self.stalled_s > c.stall_s {

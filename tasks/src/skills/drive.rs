@@ -15,6 +15,9 @@ use std::sync::Arc;
 const REPLAN_EVERY: Span = Span(1_000_000_000);
 /// Fingers that are closer together hold nothing, metres.
 const HOLDS_M: f64 = 0.008;
+/// A drive takes no longer than this, seconds, and its longest way at this speed, metres per second: whatever holds it up
+/// without being noticed, or sends it to and fro between two ways, ends.
+const PATIENCE: (f64, f64) = (30.0, 0.08);
 /// So many failed plans or blocked moves end the drive.
 const MAX_TROUBLE: u32 = 6;
 
@@ -93,11 +96,16 @@ impl<'a> Drive<'a> {
         };
         let mut planning = None;
         let mut planned_at = agent.now();
+        let (begun, mut longest_m) = (agent.now(), follower.path().length_m);
         let mut seen_map = agent.map().clone();
         loop {
             let now = agent.now();
             if self.end.is_some_and(|end| now >= end) {
                 return Ok(DriveOutcome::TimeUp);
+            }
+            if (now - begun).as_s() > PATIENCE.0 + longest_m / PATIENCE.1 {
+                agent.log(format!("gives up a drive of {longest_m:.1} m"));
+                return Ok(DriveOutcome::Blocked("it takes too long".into()));
             }
             if agent.held().is_some() && agent.grip_state()?.width_m < HOLDS_M {
                 agent.rest(Span::from_s(0.5))?;
@@ -149,7 +157,10 @@ impl<'a> Drive<'a> {
                 planning = None;
                 costmap = new_costmap;
                 match result {
-                    Ok(path) => follower.set_path(path),
+                    Ok(path) => {
+                        longest_m = longest_m.max(path.length_m);
+                        follower.set_path(path);
+                    }
                     Err(failure) => {
                         trouble += 1;
                         if trouble >= MAX_TROUBLE {

@@ -12,7 +12,9 @@ use nalgebra::{Point2, Vector2};
 use std::sync::Arc;
 
 /// So many standing places are tried.
-const MAX_PLACES: usize = 4;
+const MAX_PLACES: usize = 6;
+/// Places whose directions from the thing differ by more than this see it from another side, radians.
+const OTHER_SIDE_RAD: f64 = 0.9;
 /// What is hidden from one place is most likely hidden from those nearer to it than this, metres.
 const APART_M: f64 = 0.4;
 
@@ -32,6 +34,19 @@ fn lies_on_side(side: Option<RelationWord>, eye: &Point2<f64>, thing: &Point2<f6
         _ => return true,
     };
     (place - thing).angle(&wanted) <= SIDE_RAD
+}
+
+/// The best place that is not one of those tried: from another side if there is one, for what hides a thing from one place
+/// (a wall, when it stands in a corner) hides it from all of that side.
+fn find_next<'a>(places: &'a [StandPose], tried: &[Point2<f64>], thing: &Point2<f64>) -> Option<&'a StandPose> {
+    let differs = |place: &&StandPose, from: fn(&Point2<f64>, &Point2<f64>, &Point2<f64>) -> bool| {
+        tried.iter().all(|old| from(old, &place.pose.position, thing))
+    };
+    let aside = |old: &Point2<f64>, new: &Point2<f64>, thing: &Point2<f64>| {
+        (old - thing).angle(&(new - thing)) > OTHER_SIDE_RAD
+    };
+    let apart = |old: &Point2<f64>, new: &Point2<f64>, _: &Point2<f64>| (old - new).norm() >= APART_M;
+    places.iter().find(|place| differs(place, aside)).or_else(|| places.iter().find(|place| differs(place, apart)))
 }
 
 /// Drives to a place from which the object is seen, and looks at it. With a side, to a place on that side of it, as the
@@ -59,8 +74,7 @@ pub fn navigate_to_object(
             places.retain(|place| lies_on_side(side, &eye, &bounds.center.xy(), &place.pose.position));
             places
         })?;
-        let is_new = |place: &&StandPose| tried.iter().all(|old| (old - place.pose.position).norm() >= APART_M);
-        let Some(place) = places.iter().find(is_new) else {
+        let Some(place) = find_next(&places, &tried, &bounds.center.xy()) else {
             if !tried.is_empty() {
                 break;
             }
@@ -160,5 +174,23 @@ mod side_tests {
         assert!(on(RelationWord::InFrontOf, 2.0, 0.1) && !on(RelationWord::InFrontOf, 4.0, 0.0));
         assert!(on(RelationWord::Behind, 4.0, 0.1) && on(RelationWord::NextTo, 9.0, 9.0));
         assert!(lies_on_side(None, &eye, &lamp, &eye));
+    }
+
+    #[test]
+    fn what_is_hidden_is_looked_at_from_another_side() {
+        let place = |x, y, score| StandPose {
+            pose: Pose2 { position: Point2::new(x, y), yaw_rad: 0.0 },
+            score,
+            path_length_m: 1.0,
+            visible_share: 1.0,
+        };
+        let places = [place(1.0, 0.0, 0.9), place(1.0, 0.5, 0.8), place(0.0, 1.0, 0.7)];
+        let thing = Point2::origin();
+        let next = |tried: &[Point2<f64>]| find_next(&places, tried, &thing).map(|place| place.score);
+        assert_eq!(next(&[]), Some(0.9));
+        assert_eq!(next(&[places[0].pose.position]), Some(0.7));
+        // When all sides have been tried, the places between them.
+        assert_eq!(next(&[places[0].pose.position, places[2].pose.position]), Some(0.8));
+        assert_eq!(next(&places.map(|place| place.pose.position)), None);
     }
 }
