@@ -133,3 +133,23 @@ fn says_when_blocked_or_lost() {
     let out = lost.tick(&aside, Twist::default(), &free, &SpeedLimits::NONE, DT_S);
     assert_eq!(out.status, FollowStatus::OffPath { distance_m: 1.0 });
 }
+
+/// A hand beside a wall let the base turn at 0.12 rad/s at most, which was too slow to count as held up: the base pushed
+/// until the time was over.
+#[test]
+fn a_base_that_may_only_move_slowly_is_held_up_too() {
+    let (start, goal) = (Point2::new(1.0, 1.0), Point2::new(1.0, 3.0));
+    let free = Costmap::from_free_space(&room_grid(), &CostmapConfig::default());
+    let pose = Pose2 { position: start, yaw_rad: 0.0 }.to_pose();
+    let mut held = Follower::new(FollowerConfig::default(), Path::from_points(vec![start, goal]));
+    let stalled = (0..300).any(|_| {
+        let out = held.tick(&pose, Twist::default(), &free, &SpeedLimits::NONE, DT_S);
+        let share = (0.12 / out.twist.turn_rad_per_s.abs().max(1e-9)).min(1.0);
+        held.note_sent(Twist {
+            forward_m_per_s: share * out.twist.forward_m_per_s,
+            turn_rad_per_s: share * out.twist.turn_rad_per_s,
+        });
+        out.status == FollowStatus::Blocked { reason: BlockReason::Stalled }
+    });
+    assert!(stalled);
+}
