@@ -222,7 +222,7 @@ impl Grounder {
     fn decide(&self, scene: &Scene<'_>, query: Query, evaluation: filter::Evaluation) -> Grounding {
         let mut choices = decide::best_choices(&evaluation, self.config.top_k);
         let all: Vec<usize> = choices.iter().map(|choice| choice.index).collect();
-        choices.retain(|choice| !all.iter().any(|other| scene.is_glimpsed_double(choice.index, *other)));
+        choices.retain(|choice| !all.iter().any(|other| scene.is_double(choice.index, *other)));
         // Stage 3: verification of the top k in views.
         if self.config.verify && self.verifier.wants_views(&query) {
             self.verify(scene, &query, &mut choices);

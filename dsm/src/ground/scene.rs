@@ -105,14 +105,23 @@ impl<'a> Scene<'a> {
         edges.map(|edge| edge.2).fold(0.0, f32::max)
     }
 
-    /// Whether an item is most likely a second entry of another one: seen a few times only, where a well-known thing
-    /// stands. A map in the making holds such entries until they are merged or die.
-    pub(super) fn is_glimpsed_double(&self, item: usize, of: usize) -> bool {
+    /// Whether an item is most likely a second entry of another one: of its name and in its very place, or seen a few times
+    /// only, where a well-known thing stands. A map in the making holds such entries until they are merged or die.
+    pub(super) fn is_double(&self, item: usize, of: usize) -> bool {
         const FEW: u32 = 8;
         const TIMES: u32 = 8;
         const COMMON_SHARE: f64 = 0.5;
         const GAP_M: f64 = 0.1;
+        const SAME_PLACE_SHARE: f64 = 0.6;
         let (double, known) = (self.items[item].object, self.items[of].object);
+        if double.observations < known.observations && double.name() == known.name() {
+            let (a, b) = (&double.bounds, &known.bounds);
+            let smaller = a.volume_m3().min(b.volume_m3());
+            let mutual = a.contains(&b.center, 0.0) && b.contains(&a.center, 0.0);
+            if mutual && a.intersection_volume_m3(b) > SAME_PLACE_SHARE * smaller {
+                return true;
+            }
+        }
         if double.observations >= FEW || known.observations < TIMES * double.observations {
             return false;
         }

@@ -329,6 +329,17 @@ fn the_floor_and_walls_are_no_objects() {
     assert_found(&ground(&map, told), 3, "several sentences");
 }
 
+/// A book whose mask often falls in two had two entries, and "the brown book" was ambiguous.
+#[test]
+fn two_entries_in_one_place_are_one_thing() {
+    let book = thing(1, "book", [1.5, -3.7, 0.99], [0.02, 0.126, 0.184]).seen(80);
+    let again = |z_m| thing(2, "book", [1.5, -3.7, z_m], [0.02, 0.121, 0.126]).seen(58);
+    assert_found(&ground(&map_of([book, again(0.963)]), "the book"), 1, "one place");
+    let book = thing(1, "book", [1.5, -3.7, 0.99], [0.02, 0.126, 0.184]).seen(80);
+    let stacked = ground(&map_of([book, again(1.14)]), "the book");
+    assert_eq!(stacked.status, GroundingStatus::Ambiguous);
+}
+
 #[test]
 fn a_glimpsed_double_is_no_rival() {
     let table = || thing(1, "coffee table", [0.0, 0.0, 0.23], [0.5, 0.72, 0.44]).seen(180);
