@@ -218,15 +218,15 @@ impl RoomSegmenter {
             let beside = labels.neighbours(index).map(|n| labels.values()[n]);
             entry.beside.extend(beside.filter(|other| *other > 0 && *other != label));
         }
+        let things_in = |label: &u32| things.get(label).into_iter().flatten().copied();
+        let scores: Vec<_> = rooms.keys().map(|label| knowledge.score_room_names(things_in(label))).collect();
+        let names = knowledge.name_rooms(&scores);
         rooms
             .into_iter()
-            .map(|(label, Region { cells, center, beside })| Room {
+            .zip(names)
+            .map(|((label, Region { cells, center, beside }), name)| Room {
                 id: RoomId(label - 1),
-                name: things
-                    .get(&label)
-                    .and_then(|things| knowledge.score_room_names(things.iter().copied()).best())
-                    .unwrap_or("room")
-                    .to_owned(),
+                name: name.unwrap_or("room").to_owned(),
                 center: free.center_of(labels.cell_of(center)),
                 area_m2: cells.len() as f64 * free.resolution_m * free.resolution_m,
                 polygon: outline(&cells, free.resolution_m),

@@ -8,6 +8,8 @@ use super::rooms::RoomFactor;
 use super::verify::Verdict;
 use crate::map::{ObjectId, RoomId};
 
+/// Least score of an attribute that the views show.
+const SHOWN: f32 = 0.4;
 /// Most candidates that an answer lists.
 const MAX_LISTED: usize = 8;
 
@@ -35,8 +37,14 @@ pub(super) struct Settled {
 }
 
 impl Choice {
-    /// Adds what the verifier saw.
+    /// Adds what the verifier saw. What the views show cannot refuse, though the votes of single frames say otherwise: a
+    /// grey countertop with brown doors is brown to most of them.
     pub(super) fn apply_verdict(&mut self, verdict: Verdict) {
+        for (_, score) in self.constraints.iter_mut().filter(|(label, _)| verdict.shown.contains(label)) {
+            let least = score.max(SHOWN);
+            self.score *= least / score.max(f32::MIN_POSITIVE);
+            *score = least;
+        }
         self.score *= verdict.factor;
         self.constraints.push((verdict.reason, verdict.factor));
     }

@@ -173,6 +173,13 @@ fn ranked_anchors(
         anchors.total.iter().copied().enumerate().filter(|(i, score)| *score >= 0.02 && named(i)).collect();
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     ranked.truncate(most);
+    if !context.config.presume_present {
+        // A piece of a shelf that was once taken for a bookshelf is none.
+        let all: Vec<usize> =
+            anchors.total.iter().enumerate().filter(|(_, score)| **score >= 0.02).map(|(i, _)| i).collect();
+        let is_double = |i: usize| all.iter().any(|of| context.scene.is_double(i, *of, context.knowledge));
+        ranked.retain(|(i, _)| !is_double(*i));
+    }
     // The anchor's own doubts count half: they are the same for most candidates.
     if context.config.presume_present {
         let best = ranked.first().map_or(1.0, |first| first.1);

@@ -222,7 +222,7 @@ impl Grounder {
     fn decide(&self, scene: &Scene<'_>, query: Query, evaluation: filter::Evaluation) -> Grounding {
         let mut choices = decide::best_choices(&evaluation, self.config.top_k);
         let all: Vec<usize> = choices.iter().map(|choice| choice.index).collect();
-        choices.retain(|choice| !all.iter().any(|other| scene.is_double(choice.index, *other)));
+        choices.retain(|choice| !all.iter().any(|other| scene.is_double(choice.index, *other, &self.knowledge)));
         // Stage 3: verification of the top k in views.
         if self.config.verify && self.verifier.wants_views(&query) {
             self.verify(scene, &query, &mut choices);
@@ -245,7 +245,11 @@ impl Grounder {
             let anchors = choice.anchors.iter().map(|&anchor| scene.items[anchor].object).collect::<Vec<_>>();
             let verdict = match CandidateViews::render_levels(scene.map, candidate, &anchors, levels, &mut renderer) {
                 Some(views) => self.verifier.verify(Evidence { query, candidate, anchors: &anchors, views: &views }),
-                None => Verdict { factor: 1.0, reason: "in views: the map has no points of it".to_owned() },
+                None => Verdict {
+                    factor: 1.0,
+                    reason: "in views: the map has no points of it".to_owned(),
+                    shown: Vec::new(),
+                },
             };
             choice.apply_verdict(verdict);
         }

@@ -16,7 +16,7 @@ const CONTRADICTED: f32 = 0.05;
 const FULL_SHARE: f32 = 0.5;
 /// Share of votes for the very word that was said from which on it is the object's own name.
 const LITERAL_SHARE: f32 = 0.15;
-/// Score of an object that is called by a synonym of what was said.
+/// Score of an object that is called by a synonym of what was said, or mostly by the name of something else.
 const SYNONYM: f32 = 0.85;
 
 /// How well each object fits the noun, 0 to 1, in order of items.
@@ -30,10 +30,11 @@ pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge)
         Noun::Room(_) => return vec![0.0; scene.items.len()],
     };
     let spelled = normalize(asked);
+    let asked_category = knowledge.find(asked);
     let asked = knowledge.meaning(asked);
     let mut similarity_of: BTreeMap<&str, (f32, bool)> = BTreeMap::new();
     let mut scores = Vec::with_capacity(scene.items.len());
-    for item in &scene.items {
+    for (item, category) in scene.items.iter().zip(&scene.categories) {
         let total = item.object.names.total().max(1e-6);
         let (mut share, mut quality, mut literal) = (0.0, 0.0, 0.0);
         for (name, weight) in item.object.names.iter() {
@@ -49,15 +50,36 @@ pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge)
             share += counts * weight / total;
             quality += counts * grade * weight / total;
         }
+        if share == 0.0 {
+            scores.push(0.0);
+            continue;
+        }
         let certain = ((share / FULL_SHARE - 0.25) / 0.75).clamp(0.0, 1.0);
         let synonym = if literal >= LITERAL_SHARE { 1.0 } else { SYNONYM };
-        scores.push(if share > 0.0 { certain * synonym * quality / share } else { 0.0 });
+        // Views that call it so against most others misread it, as a rule.
+        let is_own = match (category, asked_category) {
+            (Some(own), Some(asked)) => own.is_a(&asked.name),
+            _ => true,
+        };
+        let own = if is_own { 1.0 } else { SYNONYM };
+        scores.push(certain * synonym.min(own) * quality / share * size_fit(item, asked_category));
     }
     // Where something bears the name itself, look-alikes and wider kinds step back.
     if scores.iter().any(|score| *score >= SYNONYM) {
         scores.iter_mut().filter(|score| **score < SYNONYM).for_each(|score| *score *= 0.7);
     }
     scores
+}
+
+/// How well the size of a thing suits what is asked for, 0.5 to 1: a table as wide as a door is no side table. What is seen
+/// in part looks smaller than it is, so that only what is too large counts.
+fn size_fit(item: &Item<'_>, asked: Option<&Category>) -> f32 {
+    /// Boxes of noisy points stick out by as much, as a share of what is plausible.
+    const TOLERANCE: f64 = 1.15;
+    const LEAST: f64 = 0.5;
+    let Some([_, largest]) = asked.and_then(|category| category.size_m) else { return 1.0 };
+    let times = item.object.bounds.size.max() / largest;
+    (TOLERANCE / times).clamp(LEAST, 1.0) as f32
 }
 
 /// As [`noun_scores`], where names are certain: the very word first, then its plural or joined spelling, then a name

@@ -84,8 +84,8 @@ pub(super) fn evaluate(context: Context<'_, '_>, entity: &Entity, frame: &mut Re
 /// How well each room fits a name: by its own name or, when no room bears the one that is asked for, by what it holds.
 ///
 /// Names come from what is seen in a room, and a room is seldom without what marks it, nor does a flat often have two of
-/// one kind. A room that holds nothing of what marks its own name, or that shares its name with one that fits it better,
-/// may be the one that is meant.
+/// one kind. A room that holds nothing of what marks its own name, that shares its name with one that fits it better, or
+/// that holds what marks the other name as well, may be the one that is meant.
 fn name_scores(context: Context<'_, '_>, asked: &str) -> Vec<f32> {
     let rooms = &context.scene.map.rooms;
     let own_name = |room: &Room| context.knowledge.words().rooms.find(&room.name).unwrap_or(&room.name).to_owned();
@@ -115,7 +115,8 @@ fn name_scores(context: Context<'_, '_>, asked: &str) -> Vec<f32> {
                 && contents[other].mark(name) >= content.mark(name)
                 && contents[other].votes(name) > content.votes(name)
         };
-        let doubtful = content.mark(name) < MARKED || (0..rooms.len()).any(fits_better);
+        let doubtful =
+            content.mark(name) < MARKED || content.mark(asked) >= MARKED || (0..rooms.len()).any(fits_better);
         if !borne && doubtful && share >= WORTH_A_TRY {
             return DOUBTFUL + (MOST_DOUBTFUL - DOUBTFUL) * share;
         }

@@ -105,27 +105,42 @@ impl<'a> Scene<'a> {
         edges.map(|edge| edge.2).fold(0.0, f32::max)
     }
 
-    /// Whether an item is most likely a second entry of another one: of its name and in its very place, or seen a few times
-    /// only, where a well-known thing stands. A map in the making holds such entries until they are merged or die.
-    pub(super) fn is_double(&self, item: usize, of: usize) -> bool {
+    /// Whether an item is most likely a second entry of another one: of its name and in its very place, of a name like its
+    /// own and a piece of it, or seen a few times only where a well-known thing stands. A map in the making holds such
+    /// entries until they are merged or die.
+    pub(super) fn is_double(&self, item: usize, of: usize, knowledge: &Knowledge) -> bool {
         const FEW: u32 = 8;
         const TIMES: u32 = 8;
         const COMMON_SHARE: f64 = 0.5;
         const GAP_M: f64 = 0.1;
         const SAME_PLACE_SHARE: f64 = 0.6;
+        /// Similarity of names from which one is said for the other.
+        const ALIKE: f32 = 0.5;
         let (double, known) = (self.items[item].object, self.items[of].object);
-        if double.observations < known.observations && double.name() == known.name() {
-            let (a, b) = (&double.bounds, &known.bounds);
-            let smaller = a.volume_m3().min(b.volume_m3());
-            let mutual = a.contains(&b.center, 0.0) && b.contains(&a.center, 0.0);
-            if mutual && a.intersection_volume_m3(b) > SAME_PLACE_SHARE * smaller {
-                return true;
-            }
-        }
-        if double.observations >= FEW || known.observations < TIMES * double.observations {
+        let (near, far) = (self.items[item].bounds.grown(GAP_M), &self.items[of].bounds);
+        if item == of || (0..3).any(|i| near.max[i] < far.min[i] || far.max[i] < near.min[i]) {
             return false;
         }
         let (a, b) = (&double.bounds, &known.bounds);
+        if double.observations < known.observations && double.name() == known.name() {
+            // Bowls stand in bowls; nothing else of one name holds another one's middle.
+            let nests = self.categories[item].is_some_and(|category| category.is_a("container"));
+            let inside = b.contains(&a.center, 0.0) && (!nests || a.contains(&b.center, 0.0));
+            let smaller = a.volume_m3().min(b.volume_m3());
+            if inside && a.intersection_volume_m3(b) > SAME_PLACE_SHARE * smaller {
+                return true;
+            }
+        }
+        if known.observations < TIMES * double.observations {
+            return false;
+        }
+        let is_alike = || match (self.categories[item], self.categories[of]) {
+            (Some(a), Some(b)) => knowledge.category_similarity(a, b) >= ALIKE,
+            _ => false,
+        };
+        if double.observations >= FEW && !is_alike() {
+            return false;
+        }
         let outline = a.footprint();
         let common = intersection_area_m2(&outline, &b.footprint());
         let area = intersection_area_m2(&outline, &outline);

@@ -14,6 +14,8 @@ pub struct Verdict {
     pub factor: f32,
     /// What was seen, in words.
     pub reason: String,
+    /// Attribute words of the target that the views show, whatever the map's votes say.
+    pub shown: Vec<String>,
 }
 
 /// All that a verifier gets: the pictures, the profile and the query.
@@ -66,6 +68,8 @@ pub struct EmbeddedVerifier {
 const COLOR_SEEN_SHARE: f32 = 0.35;
 /// A pixel looks like a colour when it fits it this well, relative to the best-fitting colour.
 const PIXEL_FIT: f32 = 0.6;
+/// Fit from which the views show an attribute.
+const SHOWN: f32 = 0.9;
 /// What remains of a candidate's score when a level speaks against it.
 const DOUBT: f32 = 0.7;
 /// What remains at least.
@@ -112,10 +116,13 @@ impl Verifier for EmbeddedVerifier {
     fn verify(&self, evidence: Evidence<'_>) -> Verdict {
         let Evidence { query, anchors, views, .. } = evidence;
         let mut factor = 1.0;
-        let mut seen = Vec::new();
+        let (mut seen, mut shown) = (Vec::new(), Vec::new());
         for term in query.target.attributes.iter().filter(|term| term.kind == AttributeWord::Color) {
             let Some(share) = self.color_share(views, &term.word) else { continue };
             let fits = (share / COLOR_SEEN_SHARE).min(1.0);
+            if fits >= SHOWN && !term.negated {
+                shown.push(term.word.clone());
+            }
             let fits = if term.negated { 1.0 - fits } else { fits };
             factor *= DOUBT + (1.0 - DOUBT) * fits;
             seen.push(format!("{:.0} % of its pixels look {}", 100.0 * share, term.word));
@@ -129,6 +136,6 @@ impl Verifier for EmbeddedVerifier {
         if seen.is_empty() {
             seen.push("the views tell nothing".to_owned());
         }
-        Verdict { factor: factor.max(LEAST), reason: format!("in views: {}", seen.join(", ")) }
+        Verdict { factor: factor.max(LEAST), reason: format!("in views: {}", seen.join(", ")), shown }
     }
 }

@@ -1,7 +1,7 @@
 //! What a room is called by what stands in it.
 
 use super::{Category, Knowledge};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Share of its votes that a name keeps when the room holds nothing that marks it: what a room is rarely without is seldom
 /// all missed.
@@ -10,6 +10,8 @@ const UNMARKED_SHARE: f32 = 0.2;
 const MARKED: f32 = 1.0;
 /// Fewer votes name no room.
 const LEAST: f32 = 0.5;
+/// Share of its best name's votes from which a room may bear its second one, when another room bears the best.
+const SECOND_SHARE: f32 = 0.3;
 
 /// How well each name fits a room by what stands in it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -28,6 +30,20 @@ impl<'a> RoomScores<'a> {
             _ => Some((room, *votes)),
         });
         best.filter(|(_, votes)| *votes >= LEAST).map(|(room, _)| room)
+    }
+
+    /// The likeliest name that is not one of `taken` and has votes enough to stand for the best.
+    fn find_second(&self, taken: &BTreeSet<&str>) -> Option<&'a str> {
+        let most = self.votes.values().copied().fold(LEAST, f32::max);
+        let others = self
+            .votes
+            .iter()
+            .filter(|(room, votes)| !taken.contains(*room) && **votes >= LEAST && **votes >= SECOND_SHARE * most);
+        let best = others.fold(None, |best: Option<(&str, f32)>, (room, votes)| match best {
+            Some(best) if best.1 >= *votes => Some(best),
+            _ => Some((room, *votes)),
+        });
+        best.map(|(room, _)| room)
     }
 
     /// Votes for a name, from 0.
@@ -75,6 +91,49 @@ impl Knowledge {
         }
         scores
     }
+
+    /// Names for rooms of one home, by room; `None` where the things say little.
+    ///
+    /// A home seldom has two kitchens or two living rooms. Of rooms that claim one such name, the one keeps it whose second
+    /// name is farthest behind; the others take their second one, if that has votes enough.
+    pub fn name_rooms<'a>(&self, rooms: &[RoomScores<'a>]) -> Vec<Option<&'a str>> {
+        let mut names: Vec<Option<&str>> = rooms.iter().map(RoomScores::best).collect();
+        let mut refused: Vec<BTreeSet<&str>> = vec![BTreeSet::new(); rooms.len()];
+        // Each round settles a claim or takes a name from a room for good.
+        let mut settled: BTreeSet<usize> = BTreeSet::new();
+        loop {
+            let is_unique = |name: &str| name != "room" && !self.words().repeated_rooms.contains(name);
+            let claims = |name: &str| (0..rooms.len()).filter(|i| names[*i] == Some(name)).collect::<Vec<_>>();
+            let contested = (0..rooms.len()).filter(|i| !settled.contains(i)).find_map(|i| {
+                let name = names[i].filter(|name| is_unique(name))?;
+                let rivals = claims(name);
+                (rivals.len() > 1).then_some((name, rivals))
+            });
+            let Some((name, rivals)) = contested else { return names };
+            let second = |i: usize| {
+                let mut taken = refused[i].clone();
+                taken.insert(name);
+                rooms[i].find_second(&taken)
+            };
+            let margin = |i: usize| rooms[i].votes(name) - second(i).map_or(0.0, |second| rooms[i].votes(second));
+            let keeper = rivals.iter().copied().reduce(|a, b| if margin(b) > margin(a) { b } else { a });
+            let moves: Vec<(usize, Option<&str>)> =
+                rivals.iter().filter(|i| Some(**i) != keeper).map(|i| (*i, second(*i))).collect();
+            settled.extend(keeper);
+            for (room, second) in moves {
+                match second {
+                    Some(second) => {
+                        refused[room].insert(name);
+                        names[room] = Some(second);
+                        settled.remove(&room);
+                    }
+                    None => {
+                        settled.insert(room);
+                    }
+                }
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -114,6 +173,26 @@ mod tests {
         let kitchen = ["dining table", "chair", "cereal box", "fridge", "countertop", "sink"];
         assert_eq!(name(&kitchen).as_deref(), Some("kitchen"));
         assert_eq!(name(&[]), None);
+    }
+
+    #[test]
+    fn a_home_has_one_living_room() {
+        let knowledge = Knowledge::embedded().unwrap();
+        let scores = |things: &[&str]| {
+            let things: Vec<&Category> = things.iter().map(|thing| knowledge.find(thing).unwrap()).collect();
+            knowledge.score_room_names(things.into_iter().map(|category| (category, 0.9)))
+        };
+        let lounge = scores(&["sofa", "armchair", "tv", "tv stand", "coffee table", "rug", "bookshelf"]);
+        // An armchair beside a desk, and a bookshelf, make an office look like a living room.
+        let office = scores(&["desk", "armchair", "bookshelf", "picture", "side table", "rug", "floor lamp", "plant"]);
+        assert_eq!(office.best(), Some("living room"));
+        let bedrooms = [scores(&["bed", "wardrobe"]), scores(&["bed", "nightstand"])];
+        let all = [office.clone(), lounge, bedrooms[0].clone(), bedrooms[1].clone()];
+        let names = ["office", "living room", "bedroom", "bedroom"].map(Some);
+        assert_eq!(knowledge.name_rooms(&all), names);
+        // Nothing else fits a second room of sofas.
+        let second = scores(&["sofa", "armchair", "tv"]);
+        assert_eq!(knowledge.name_rooms(&[second.clone(), second]), [Some("living room"); 2]);
     }
 
     #[test]

@@ -67,6 +67,7 @@ struct WordTable {
     purposes: BTreeMap<String, WordRow>,
     room_marks: BTreeMap<String, Vec<String>>,
     unmarked_rooms: BTreeSet<String>,
+    repeated_rooms: BTreeSet<String>,
 }
 
 #[derive(Deserialize)]
@@ -140,5 +141,6 @@ pub(super) fn read_words(text: &str) -> Result<Words, KnowledgeError> {
         purposes: list(table.purposes),
         room_marks: table.room_marks,
         unmarked_rooms: table.unmarked_rooms,
+        repeated_rooms: table.repeated_rooms,
     })
 }

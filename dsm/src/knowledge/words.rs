@@ -44,6 +44,8 @@ pub struct Words {
     pub room_marks: BTreeMap<String, Vec<String>>,
     /// Names of rooms that may well hold nothing of what marks them.
     pub unmarked_rooms: BTreeSet<String>,
+    /// Names that several rooms of one home often bear.
+    pub repeated_rooms: BTreeSet<String>,
 }
 
 impl WordList {

@@ -40,7 +40,7 @@ pub struct FrontierConfig {
     /// Frontiers nearer than this to one that was tried count as the same, metres. Default 0.4, range 0.05 to 5.
     #[schemars(range(min = 0.05, max = 5.0))]
     pub repeat_radius_m: f64,
-    /// After so many visits a frontier is given up. Default 2, range 1 to 20.
+    /// After so many visits a frontier is given up. Default 3, range 1 to 20.
     #[schemars(range(min = 1, max = 20))]
     pub max_attempts: u32,
     /// Unknown patches smaller than this, closed in on all sides, are left alone, square metres. Default 0.3, range 0
@@ -61,7 +61,7 @@ impl Default for FrontierConfig {
             stand_max_m: 1.2,
             base_cost_m: 3.0,
             repeat_radius_m: 0.4,
-            max_attempts: 2,
+            max_attempts: 3,
             min_hole_m2: 0.3,
         }
     }
@@ -84,17 +84,20 @@ pub struct Frontier {
     pub score: f64,
 }
 
-/// What exploration remembers: the frontiers that it tried. It makes exploration end, because a place is visited at
-/// most `max_attempts` times, whatever the map then says.
+/// What exploration remembers: the frontiers that it tried and where it stood. It makes exploration end, because a place
+/// is visited at most `max_attempts` times, whatever the map then says, each time from another stand.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrontierMemory {
     attempts: Vec<(Point2<f64>, u32)>,
+    /// Frontier and stand of each visit.
+    visits: Vec<(Point2<f64>, Point2<f64>)>,
 }
 
 impl FrontierMemory {
     /// Notes that the frontier was visited, or that no way led to it.
     pub fn record(&mut self, frontier: &Frontier, config: &FrontierConfig) {
         self.note(frontier.center, 1, config);
+        self.visits.push((frontier.center, frontier.stand.position));
     }
 
     /// Gives a frontier up at once.
@@ -113,6 +116,12 @@ impl FrontierMemory {
             Some((_, attempts)) => *attempts += count,
             None => self.attempts.push((center, count)),
         }
+    }
+
+    /// Whether a frontier around this point was looked at from near this stand.
+    fn was_seen_from(&self, center: &Point2<f64>, stand: &Point2<f64>, config: &FrontierConfig) -> bool {
+        let near = |a: &Point2<f64>, b: &Point2<f64>| (a - b).norm() < config.repeat_radius_m;
+        self.visits.iter().any(|(seen, from)| near(seen, center) && near(from, stand))
     }
 
     /// How often frontiers around this point were tried.
@@ -144,7 +153,7 @@ pub fn find_frontiers(
         if size_m < config.min_size_m || tried >= config.max_attempts {
             continue;
         }
-        let Some((position, path_length_m)) = find_stand(costmap, field, &center, config) else { continue };
+        let Some((position, path_length_m)) = find_stand(costmap, field, &center, memory, config) else { continue };
         stamp += 1;
         let (gain_m2, toward) = look_around(costmap, &worthwhile, &position, config, &mut seen_stamp, stamp);
         if gain_m2 < config.min_gain_m2 {
@@ -236,11 +245,12 @@ fn find_center(grid: &Grid, cluster: &[usize]) -> Point2<f64> {
         .unwrap_or(mean)
 }
 
-/// The reachable place around a frontier that costs least and sees its centre.
+/// The reachable place around a frontier that costs least and sees its centre, away from those it was looked at from.
 fn find_stand(
     costmap: &Costmap,
     field: &Field,
     center: &Point2<f64>,
+    memory: &FrontierMemory,
     config: &FrontierConfig,
 ) -> Option<(Point2<f64>, f64)> {
     let grid = costmap.grid();
@@ -258,6 +268,9 @@ fn find_stand(
     places.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     places.into_iter().find_map(|(_, cell, length)| {
         let position = grid.center_of(cell);
+        if memory.was_seen_from(center, &position, config) {
+            return None;
+        }
         let distance = (center - position).norm();
         let blocked = grid
             .ray(position, bearing(&position, center), distance)
@@ -371,14 +384,20 @@ mod tests {
         let costmap = Costmap::from_free_space(&known, &CostmapConfig::default());
         let field = Field::from_start(&costmap, &Point2::new(1.0, 1.5));
         let mut memory = FrontierMemory::default();
-        let mut visits = 0;
+        let mut stands: Vec<(Point2<f64>, Point2<f64>)> = Vec::new();
         while let Some(best) = find_frontiers(&costmap, &field, &memory, &config).into_iter().next() {
             assert!(best.stand.yaw_rad.abs() < 1.0, "faces the unknown at +x: {best:?}");
+            // What one stand did not show, as from outside a door, another one may.
+            let same = |(center, stand): &(Point2<f64>, Point2<f64>)| {
+                (center - best.center).norm() < config.repeat_radius_m
+                    && (stand - best.stand.position).norm() < config.repeat_radius_m
+            };
+            assert!(!stands.iter().any(same), "{best:?} once more from the same place");
             memory.record(&best, &config);
-            visits += 1;
-            assert!(visits <= 8);
+            stands.push((best.center, best.stand.position));
+            assert!(stands.len() <= 8);
         }
-        assert!(visits >= 2);
+        assert!(stands.len() >= 2);
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 use super::explore::{ExploreOutcome, Explorer, Interest};
 use crate::agent::{Agent, Halt};
-use dsm::ground::{Article, AttributeWord, Entity, Grounder, Grounding, GroundingStatus, Noun, Query, RelationWord};
+use dsm::ground::{
+    Article, AttributeWord, Entity, Grounder, Grounding, GroundingStatus, Noun, Query, RelationTerm, RelationWord,
+};
 use dsm::knowledge::Knowledge;
 use dsm::map::{AttributeKind, Map, MapObject, ObjectId};
 use dsm::time::{Span, Stamp};
@@ -19,6 +21,8 @@ const GROUND_EVERY: Span = Span(1_000_000_000);
 
 /// So many objects are looked at again before the words are refused.
 const MOST_LOOKS: usize = 8;
+/// ... and so many carriers before the only one of its name is taken for the closest.
+const FEW_LOOKS: usize = 4;
 /// Smallest footprint of what carries other things, square metres, and the heights of its top, metres.
 const CARRIER_M2: f64 = 0.1;
 const CARRIER_TOP_M: (f64, f64) = (0.3, 1.4);
@@ -36,9 +40,7 @@ pub enum Thoroughness {
 /// when it is said by comparison with everything else.
 fn can_be_settled_early(query: &Query) -> bool {
     let target = &query.target;
-    let compares = target.relations.iter().any(|relation| {
-        matches!(relation.word, RelationWord::Closest | RelationWord::Farthest | RelationWord::Between)
-    });
+    let compares = target.relations.iter().any(|term| is_comparison(term) || term.word == RelationWord::Between);
     let says_more = !target.attributes.is_empty() || !target.relations.is_empty();
     let any_will_do = target.article == Article::Indefinite;
     target.selections.is_empty() && !compares && (says_more || any_will_do)
@@ -103,6 +105,8 @@ pub fn search(
     let first = answer(agent, grounder, text)?;
     let doubtful = match first.status {
         GroundingStatus::Unparsed => return Ok(first),
+        // Who says "the closest" knows of another one, which may be closer.
+        GroundingStatus::Found if compares_but_one(&first) => named.find_carriers_by_anchors(agent.map(), knowledge),
         GroundingStatus::Found if is_sure(&first) => return Ok(first),
         // What is only nearly as the words say is taken when a second look shows nothing better.
         GroundingStatus::Found => named.find_places(agent.map(), knowledge),
@@ -114,6 +118,17 @@ pub fn search(
         return answer(agent, grounder, text);
     }
     Ok(first)
+}
+
+/// Whether the words compare things of one name and the map holds only one of them.
+fn compares_but_one(answer: &Grounding) -> bool {
+    let compares =
+        |query: &Query| !query.target.selections.is_empty() || query.target.relations.iter().any(is_comparison);
+    answer.candidates.len() == 1 && answer.query.as_ref().is_some_and(compares)
+}
+
+fn is_comparison(relation: &RelationTerm) -> bool {
+    matches!(relation.word, RelationWord::Closest | RelationWord::Farthest)
 }
 
 /// Whether an answer needs no further look.
@@ -195,10 +210,6 @@ impl Named {
             let room = object.room.and_then(|id| map.find_room(id));
             room.is_some_and(|room| self.rooms.contains(&room.name))
         };
-        let carries = |object: &MapObject| {
-            let (size, top_m) = (object.bounds.size, object.bounds.top_m());
-            size.x * size.y >= CARRIER_M2 && (CARRIER_TOP_M.0..CARRIER_TOP_M.1).contains(&top_m)
-        };
         let carriers =
             map.stable_objects().filter(|object| is_there(object) && carries(object)).map(|object| object.id);
         let carriers: Vec<ObjectId> = carriers.filter(|id| !places.contains(id)).collect();
@@ -206,13 +217,36 @@ impl Named {
         places.truncate(MOST_LOOKS);
         places
     }
+
+    /// What can carry things, the nearest to the named anchors first.
+    fn find_carriers_by_anchors(&self, map: &Map, knowledge: &Knowledge) -> Vec<ObjectId> {
+        let anchors = Self { things: self.things.iter().skip(1).cloned().collect(), rooms: Vec::new() };
+        let anchors = anchors.find_in(map, knowledge);
+        let centers: Vec<_> = anchors.iter().filter_map(|id| Some(map.find_object(*id)?.bounds.center)).collect();
+        let distance_m = |object: &MapObject| {
+            let distances = centers.iter().map(|center| (center - object.bounds.center).xy().norm());
+            distances.fold(f64::INFINITY, f64::min)
+        };
+        let carriers = map.stable_objects().filter(|object| carries(object));
+        let mut near: Vec<(f64, ObjectId)> = carriers.map(|object| (distance_m(object), object.id)).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        near.into_iter().take(FEW_LOOKS).map(|(_, id)| id).collect()
+    }
+}
+
+/// Whether a thing can carry others.
+fn carries(object: &MapObject) -> bool {
+    let (size, top_m) = (object.bounds.size, object.bounds.top_m());
+    size.x * size.y >= CARRIER_M2 && (CARRIER_TOP_M.0..CARRIER_TOP_M.1).contains(&top_m)
 }
 
 #[cfg(test)]
 mod tests {
     //! Contract: what only nearly fits is looked at again.
+    use super::super::target::tests::{map_of, object};
     use super::*;
-    use dsm::ground::ReferenceFrame;
+    use dsm::ground::{GroundConfig, ReferenceFrame};
+    use dsm::map::{MapChange, MapUpdate};
 
     #[test]
     fn an_orange_on_a_shelf_is_not_at_once_the_one_on_the_cabinet() {
@@ -231,5 +265,32 @@ mod tests {
         assert!(!is_sure(&answer(GroundingStatus::Found, 0.55)));
         assert!(is_sure(&answer(GroundingStatus::Found, 0.94)));
         assert!(!is_sure(&answer(GroundingStatus::Ambiguous, 0.94)));
+    }
+
+    #[test]
+    fn the_only_ball_is_not_at_once_the_closest_one() {
+        let named = |id, name: &str, center, size| {
+            let mut object = object(id, center, size, &[]);
+            object.names.add(name, 9.0);
+            object
+        };
+        let ball = |id, x_m| named(id, "ball", [x_m, 2.0, 0.5], [0.08; 3]);
+        let map = map_of(vec![
+            named(1, "laundry basket", [4.0, 0.0, 0.3], [0.4, 0.4, 0.6]),
+            named(2, "bookshelf", [2.0, 0.0, 0.7], [0.9, 0.3, 1.3]),
+            named(3, "coffee table", [-3.0, 2.0, 0.2], [0.8, 0.5, 0.4]),
+            ball(4, 1.6),
+        ]);
+        let knowledge = Arc::new(Knowledge::embedded().unwrap());
+        let grounder = Grounder::new(GroundConfig { verify: false, ..Default::default() }, knowledge.clone()).unwrap();
+        let text = "the ball closest to the laundry basket";
+        let answer = grounder.ground(&map, text, None);
+        assert!(is_sure(&answer) && compares_but_one(&answer));
+        let looks = named_in(&knowledge, answer.query.as_ref()).find_carriers_by_anchors(&map, &knowledge);
+        assert_eq!(looks, [2, 3].map(ObjectId), "the bookshelf is the nearest place where another one may lie");
+        let mut two = (*map).clone();
+        let changes = vec![MapChange::Put(Box::new(ball(5, 3.0)))];
+        two.apply(MapUpdate { stamp: Stamp::default(), changes });
+        assert!(!compares_but_one(&grounder.ground(&two, text, None)));
     }
 }

@@ -60,7 +60,7 @@ impl Target {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     //! Contract: a target that a nearer look widens a little is believed; one that grew together with its shelf, or left
     //! the map, is as it was, and its points are nobody else's.
     use super::*;
@@ -69,7 +69,7 @@ mod tests {
     use dsm::time::Stamp;
     use nalgebra::{Point3, UnitQuaternion};
 
-    fn object(id: u64, center: [f64; 3], size: [f64; 3], points: &[[f32; 3]]) -> MapObject {
+    pub(in crate::skills) fn object(id: u64, center: [f64; 3], size: [f64; 3], points: &[[f32; 3]]) -> MapObject {
         MapObject {
             id: ObjectId(id),
             state: ObjectState::Stable,
@@ -90,7 +90,7 @@ mod tests {
         }
     }
 
-    fn map_of(objects: Vec<MapObject>) -> Arc<Map> {
+    pub(in crate::skills) fn map_of(objects: Vec<MapObject>) -> Arc<Map> {
         let mut map = Map::new(0.05);
         let changes = objects.into_iter().map(|o| MapChange::Put(Box::new(o))).collect();
         map.apply(MapUpdate { stamp: Stamp::default(), changes });
