@@ -123,8 +123,8 @@ impl<'a> Scene<'a> {
         }
         let (a, b) = (&double.bounds, &known.bounds);
         if double.observations < known.observations && double.name() == known.name() {
-            // Bowls stand in bowls; nothing else of one name holds another one's middle.
-            let nests = self.categories[item].is_some_and(|category| category.is_a("container"));
+            // Bowls stand in bowls and drawers in chests; nothing else of one name holds another one's middle.
+            let nests = self.categories[item].is_none_or(|category| !category.graspable || category.is_a("container"));
             let inside = b.contains(&a.center, 0.0) && (!nests || a.contains(&b.center, 0.0));
             let smaller = a.volume_m3().min(b.volume_m3());
             if inside && a.intersection_volume_m3(b) > SAME_PLACE_SHARE * smaller {

@@ -227,7 +227,7 @@ impl Named {
             let distances = centers.iter().map(|center| (center - object.bounds.center).xy().norm());
             distances.fold(f64::INFINITY, f64::min)
         };
-        let carriers = map.stable_objects().filter(|object| carries(object));
+        let carriers = map.stable_objects().filter(|object| carries(object) && !anchors.contains(&object.id));
         let mut near: Vec<(f64, ObjectId)> = carriers.map(|object| (distance_m(object), object.id)).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.into_iter().take(FEW_LOOKS).map(|(_, id)| id).collect()
