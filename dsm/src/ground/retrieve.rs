@@ -61,8 +61,8 @@ pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge)
             (Some(own), Some(asked)) => own.is_a(&asked.name),
             _ => true,
         };
-        let own = if is_own { 1.0 } else { SYNONYM };
-        scores.push(certain * synonym.min(own) * quality / share * size_fit(item, asked_category));
+        let own = if is_own { synonym } else { SYNONYM * size_fit(item, asked_category) };
+        scores.push(certain * own * quality / share);
     }
     // Where something bears the name itself, look-alikes and wider kinds step back.
     if scores.iter().any(|score| *score >= SYNONYM) {
@@ -71,8 +71,8 @@ pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge)
     scores
 }
 
-/// How well the size of a thing suits what is asked for, 0.5 to 1: a table as wide as a door is no side table. What is seen
-/// in part looks smaller than it is, so that only what is too large counts.
+/// How well the size of a thing of another name suits what is asked for, 0.5 to 1: a table as wide as a door is no side
+/// table. What is seen in part looks smaller than it is, so that only what is too large counts.
 fn size_fit(item: &Item<'_>, asked: Option<&Category>) -> f32 {
     /// Boxes of noisy points stick out by as much, as a share of what is plausible.
     const TOLERANCE: f64 = 1.15;
