@@ -98,20 +98,14 @@ fn is_same(config: &BuildConfig, a: &MapObject, a_track: &Track, b: &MapObject, 
 }
 
 /// Whether the smaller one has a mask of its own in too many of the frames that show the larger one for a mask that falls
-/// in two now and then. A detector that tears a thing in two from one side tears it in every frame from there: what the
-/// masks of the larger one hold from elsewhere is a piece all the same.
+/// in two now and then.
 fn is_seen_apart(a: &MapObject, a_track: &Track, b: &MapObject, b_track: &Track) -> bool {
     let a_is_part = a.bounds.volume_m3() < b.bounds.volume_m3();
     let (whole, part) = if a_is_part { (b_track, a_track) } else { (a_track, b_track) };
     let since = whole.seen.front().max(part.seen.front());
     let frames = whole.seen.iter().filter(|frame| Some(*frame) >= since).count();
     let together = seen_together(a_track, b_track);
-    let often = together >= APART_FRAMES && f64::from(together as u32) >= APART_SHARE * f64::from(frames as u32);
-    often && {
-        let points = if a_is_part { &a.points } else { &b.points };
-        let (share, views) = whole.window.cover(points);
-        views < FRAGMENT_VIEWS || share < FRAGMENT_SHARE
-    }
+    together >= APART_FRAMES && f64::from(together as u32) >= APART_SHARE * f64::from(frames as u32)
 }
 
 /// Whether the smaller one touches the larger one and lies in its masks: a piece that once had a mask of its own.
