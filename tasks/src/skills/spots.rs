@@ -7,6 +7,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Side of the cells in which support is counted, metres.
 const CELL_M: f64 = 0.025;
+/// Gaps of support are closed within at least so many cells: clouds have a point per voxel of about a cell, so that rows
+/// and columns of cells stay empty, and a closing by one cell leaves them open where they cross.
+const LEAST_CLOSED: i32 = 2;
 /// Height of the bins in which levels are looked for, metres.
 const BIN_M: f64 = 0.01;
 /// Points this far above or below a level belong to it, metres.
@@ -94,7 +97,8 @@ fn find_levels(points: &[Point3<f64>]) -> Vec<f64> {
 /// Spots on one level of a surface with these `points`; `things` are the points of all else.
 fn find_on_level(points: &[Point3<f64>], things: &[Point3<f64>], z_m: f64, load: &Load, spare: f64) -> Vec<Spot> {
     let level: Vec<Point3<f64>> = points.iter().filter(|p| (p.z - z_m).abs() <= BAND_M).copied().collect();
-    let supported = closed(level.iter().map(cell_of).collect(), (spacing_m(&level) / CELL_M).ceil() as i32);
+    let radius = ((spacing_m(&level) / CELL_M).ceil() as i32).max(LEAST_CLOSED);
+    let supported = closed(level.iter().map(cell_of).collect(), radius);
     let top_m = z_m + load.height_m + HAND_M;
     // A surface's own points are noisy in height; what lies flat on it is a thing of its own.
     let own = points.iter().filter(|p| p.z > z_m + BAND_M + 0.01 && p.z < top_m);
@@ -188,6 +192,16 @@ mod tests {
             .collect();
         let beside = find_on_level(&points, &book, 0.7, &load, 1.0);
         assert!(beside.iter().all(|s| !(0.28..0.5).contains(&s.point.x) || !(0.18..0.36).contains(&s.point.y)));
+    }
+
+    #[test]
+    fn rows_and_columns_without_points_are_no_holes() {
+        // A dresser whose points lie on a grid of a little more than a cell, in pairs that differ by noise alone.
+        let place = |i: i32| 0.012 + 0.028 * f64::from(i);
+        let pair = |x: i32, y: i32| [0.0, 0.006].map(|off_m| Point3::new(place(x) + off_m, place(y) + off_m, 0.79));
+        let points: Vec<_> = (0..16).flat_map(|x| (0..38).flat_map(move |y| pair(x, y))).collect();
+        let load = Load { radius_m: 0.1, height_m: 0.29 };
+        assert!(!find_on_level(&points, &[], 0.79, &load, 1.0).is_empty());
     }
 
     #[test]
