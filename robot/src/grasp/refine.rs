@@ -39,11 +39,7 @@ pub fn refine_grasp(
     config: &GraspConfig,
 ) -> Refinement {
     const SUPPORT_NOISE_M: f64 = 0.010;
-    const JOIN_M: f64 = 0.009;
-    const ALONG_SIGHT: f64 = 0.35;
-    const MIN_POINTS: usize = 12;
     const SEARCH_M: f64 = 0.08;
-    const MAX_SHIFT_M: f64 = 0.08;
     let around = 0.5 * grasp.width_m + SEARCH_M;
     let tool_from_world = grasp.world_from_tool.inverse();
     let support_z_m = find_support_z_m(points_in_world, support_z_m);
@@ -54,10 +50,39 @@ pub fn refine_grasp(
         .filter(|p| p.x.abs() < around && p.y.abs() < around && p.z.abs() < around + config.hand.palm_behind_tool_m)
         .collect();
     let near = thin(&near, 0.004);
+    let first = refine_joined(grasp, &near, &JOINS[0], config);
+    if !matches!(first, Refinement::TooWide { .. }) {
+        return first;
+    }
+    // Too much was taken for one thing: the side of a shelf stands a finger's width from the cup in it.
+    let mut strictly = JOINS[1..].iter().map(|join| refine_joined(grasp, &near, join, config));
+    strictly.find(|refined| matches!(refined, Refinement::Refined { .. })).unwrap_or(first)
+}
+
+/// What counts as one thing in a fresh cloud.
+struct Join {
+    /// Largest step between its points, metres.
+    step_m: f64,
+    /// What a step along the line of sight counts: sides that run along it are not seen, and steps along it join what is
+    /// one thing.
+    along_sight: f64,
+}
+
+/// From generous to strict; points are 4 mm apart.
+const JOINS: [Join; 3] = [
+    Join { step_m: 0.009, along_sight: 0.35 },
+    Join { step_m: 0.009, along_sight: 1.0 },
+    Join { step_m: 0.0065, along_sight: 1.0 },
+];
+
+/// Re-centres on the cluster of `near` (tool frame, without the support) that lies where the pads will be.
+fn refine_joined(grasp: &GraspCandidate, near: &[Point3<f64>], join: &Join, config: &GraspConfig) -> Refinement {
+    const MIN_POINTS: usize = 12;
+    const MAX_SHIFT_M: f64 = 0.08;
+    let tool_from_world = grasp.world_from_tool.inverse();
     // The cluster whose middle lies nearest to where the pads will be.
-    // Sides that run along the line of sight are not seen: steps along it join what is one thing.
-    let flat: Vec<Point3<f64>> = near.iter().map(|p| Point3::new(p.x, p.y, ALONG_SIGHT * p.z)).collect();
-    let chosen = find_clusters(&flat, JOIN_M)
+    let flat: Vec<Point3<f64>> = near.iter().map(|p| Point3::new(p.x, p.y, join.along_sight * p.z)).collect();
+    let chosen = find_clusters(&flat, join.step_m)
         .into_iter()
         .filter(|cluster| cluster.len() >= MIN_POINTS)
         .map(|cluster| cluster.into_iter().map(|i| near[i]).collect::<Vec<_>>())
@@ -199,6 +224,24 @@ mod tests {
         };
         let off = refined.world_from_tool.inverse_transform_point(&truth);
         assert!(off.xy().coords.norm() < 0.008, "{off:?}");
+    }
+
+    #[test]
+    fn the_side_of_a_shelf_is_no_part_of_the_cup() {
+        let config = GraspConfig::default();
+        let center = Point3::new(1.0, 0.0, 0.736);
+        let frontal = planned(center).into_iter().find(|g| (g.world_from_tool.rotation * Vector3::z()).z > -0.8);
+        let grasp = frontal.expect("a grasp from the side");
+        let approach = grasp.world_from_tool.rotation * Vector3::z();
+        // A panel right behind the cup as the camera sees it, wider than the hand opens.
+        let yaw = approach.y.atan2(approach.x);
+        let behind = center + approach.xy().normalize().push(0.0) * 0.06;
+        let mut fresh = sphere(center, 0.036, 0.001, 4000, 7);
+        fresh.extend(block(behind, Vector3::new(0.004, 0.6, 0.3), yaw, 0.001, 60000, 8));
+        let Refinement::Refined { grasp: refined, .. } = refine_grasp(&grasp, &fresh, 0.7, &config) else {
+            panic!("{:?}", refine_grasp(&grasp, &fresh, 0.7, &config))
+        };
+        assert!((refined.width_m - 0.072).abs() < 0.016, "{}", refined.width_m);
     }
 
     #[test]
