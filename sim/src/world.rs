@@ -287,6 +287,14 @@ fn connect(
     Ok(WorldParts { robot, detector, truth })
 }
 
+/// Where nothing of a scene, as its file has it, stands between floor and a robot's height.
+///
+/// # Errors
+/// A solid that the scene does not describe well.
+pub fn floor_of(scene: &SceneModel, height_m: f64) -> Result<FreeSpace, WorldError> {
+    Ok(free_space(scene, &Solids::new(scene)?, height_m))
+}
+
 /// Where nothing stands between floor and the robot's height.
 pub(crate) fn free_space(scene: &SceneModel, solids: &Solids, height_m: f64) -> FreeSpace {
     let mut grid = FreeSpace::new(CELL_M);

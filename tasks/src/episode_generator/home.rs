@@ -2,7 +2,7 @@
 
 use dsm::knowledge::Knowledge;
 use dsm_sim::scene::{BodyMotion, SceneBody, SceneModel, SceneShape, Semantics};
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector3};
 
 /// A thing stands on what ends this close below it, metres.
 const CARRY_GAP_M: f64 = 0.006;
@@ -37,6 +37,8 @@ pub(super) struct HomeObject {
     pub room: Option<String>,
     /// Its origin in the world, metres.
     pub at: Point3<f64>,
+    /// Its outline on the floor: lowest and highest corner, metres.
+    pub outline: (Point2<f64>, Point2<f64>),
     pub free: bool,
     /// The object that carries it.
     pub support: Option<usize>,
@@ -46,6 +48,14 @@ pub(super) struct HomeObject {
     pub stands: bool,
     /// Whether people put things on it.
     pub is_surface: bool,
+}
+
+impl HomeObject {
+    /// Distance over the floor from a place to its outline, metres.
+    pub(super) fn distance_m(&self, place: &Point2<f64>) -> f64 {
+        let (low, high) = self.outline;
+        (place - place.sup(&low).inf(&high)).norm()
+    }
 }
 
 /// All objects and the rooms with a name of their own.
@@ -76,6 +86,7 @@ impl Home {
                 printed,
                 room: semantics.find_room(Point2::new(at.x, at.y)).map(|room| room.name.clone()),
                 at,
+                outline: outline_of(body),
                 free,
                 support: bodies.iter().position(|below| free && below.name != body.name && carries(below, &at)),
                 graspable: free && takes && object.category != "pillow" && width_of(body) <= HAND_M,
@@ -127,6 +138,26 @@ fn carries(body: &SceneBody, point_in_world: &Point3<f64>) -> bool {
         let over = local.x.abs() <= half_m.x && local.y.abs() <= half_m.y;
         over && (local.z - half_m.z).abs() <= CARRY_GAP_M
     })
+}
+
+/// The upright rectangle around a body's solids.
+fn outline_of(body: &SceneBody) -> (Point2<f64>, Point2<f64>) {
+    let at = body.world_from_body.translation.vector.xy();
+    let corners = body.geoms.iter().filter(|geom| geom.collides).map(|geom| {
+        let half = match &geom.shape {
+            SceneShape::Box { half_m } => *half_m,
+            SceneShape::Cylinder { radius_m, half_length_m } => Vector3::new(*radius_m, *radius_m, *half_length_m),
+            SceneShape::Sphere { radius_m } => Vector3::repeat(*radius_m),
+            SceneShape::Ellipsoid { radii_m } => *radii_m,
+            _ => Vector3::zeros(),
+        };
+        let pose = body.world_from_body * geom.body_from_geom;
+        let half = pose.rotation.to_rotation_matrix().matrix().abs() * half;
+        let middle = pose.translation.vector;
+        (Point2::from((middle - half).xy()), Point2::from((middle + half).xy()))
+    });
+    let none = (Point2::from(at), Point2::from(at));
+    corners.fold(none, |(low, high), corner| (low.inf(&corner.0), high.sup(&corner.1)))
 }
 
 /// Height of the highest level box above the floor, metres.

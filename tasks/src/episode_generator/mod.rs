@@ -4,6 +4,7 @@
 //! run but the words of the commands.
 
 mod home;
+mod reach;
 mod words;
 
 use crate::episode::EPISODE_VERSION;
@@ -59,7 +60,8 @@ pub fn write_episodes(
     seed: u64,
     count: usize,
 ) -> Vec<GeneratedEpisode> {
-    let home = Home::read(model, semantics);
+    let mut home = Home::read(model, semantics);
+    reach::drop_out_of_reach(&mut home, model, semantics);
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6570_6973_6f64_6573);
     let mut used: Vec<String> = Vec::new();
     let mut episodes = Vec::new();

@@ -67,12 +67,12 @@ fn episodes_are_valid_and_name_what_is_there() {
     }
 }
 
-/// A room with a table, a desk and things on them; the flat floor is its only wall.
-fn tiny() -> (SceneModel, Semantics) {
+/// A room with a table, a desk and things on them; the flat floor is its only wall. `half_m` is half the table's side.
+fn tiny(half_m: f64) -> (SceneModel, Semantics) {
     let folder = tempfile::tempdir().unwrap();
-    let fixed = |name: &str, x: f64, top: f64| {
+    let fixed = |name: &str, x: f64, top: f64, half_m: f64| {
         format!(
-            "<body name=\"{name}\" pos=\"{x} 0 0\"><geom type=\"box\" pos=\"0 0 {}\" size=\".5 .5 .02\"/></body>",
+            "<body name=\"{name}\" pos=\"{x} 0 0\"><geom type=\"box\" pos=\"0 0 {}\" size=\"{half_m} {half_m} .02\"/></body>",
             top - 0.02
         )
     };
@@ -83,11 +83,11 @@ fn tiny() -> (SceneModel, Semantics) {
     };
     let xml = format!(
         "<mujoco><worldbody>{}{}{}{}{}</worldbody></mujoco>",
-        fixed("table_1", 0.0, 0.7),
-        fixed("desk_1", 3.0, 0.74),
+        fixed("table_1", 0.0, 0.7, half_m),
+        fixed("desk_1", 3.0, 0.74, 0.5),
         thing("mug_1", 0.1, 0.0, 0.7005),
-        thing("mug_2", 3.0, 0.2, 0.7405),
-        thing("mug_3", 3.2, -0.3, 0.7405),
+        thing("mug_2", 2.8, 0.2, 0.7405),
+        thing("mug_3", 2.8, -0.3, 0.7405),
     );
     std::fs::write(folder.path().join("scene.xml"), xml).unwrap();
     let object = |body: &str, category: &str, color: &str, pattern: &str| {
@@ -113,7 +113,7 @@ fn tiny() -> (SceneModel, Semantics) {
 #[test]
 fn names_hold_for_one_object_alone() {
     let knowledge = Knowledge::embedded().unwrap();
-    let (model, semantics) = tiny();
+    let (model, semantics) = tiny(0.5);
     let home = Home::read(&model, &semantics);
     assert_eq!(home.objects.iter().map(|o| o.support).collect::<Vec<_>>(), [None, None, Some(0), Some(1), Some(1)]);
     // The striped mug may be called by any colour, so colours help nobody; a desk is a table, too, so that "on the table"
@@ -126,4 +126,17 @@ fn names_hold_for_one_object_alone() {
     }
     assert!(find_names(1, &home, &knowledge).contains(&"desk".to_owned()));
     assert!(!find_names(0, &home, &knowledge).contains(&"table".to_owned()), "the desk may be called a table");
+}
+
+#[test]
+fn nobody_is_asked_for_what_no_place_is_near_enough_to() {
+    let graspable = |half_m: f64| {
+        let (model, semantics) = tiny(half_m);
+        let mut home = Home::read(&model, &semantics);
+        reach::drop_out_of_reach(&mut home, &model, &semantics);
+        home.objects.iter().map(|object| object.graspable).collect::<Vec<_>>()
+    };
+    assert_eq!(graspable(0.5), [false, false, true, true, true]);
+    // In the middle of a table of two metres and a half.
+    assert_eq!(graspable(1.25), [false, false, false, true, true]);
 }
