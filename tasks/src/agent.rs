@@ -5,9 +5,12 @@
 
 use crate::deferred::Deferred;
 use crate::error::TaskError;
+pub use crate::gaze::Gaze;
+use crate::gaze::View;
 use crate::journal::{Journal, Moment};
 use crate::pace::{Pace, Posture};
 use crate::perception::Perception;
+use crate::touch::{Motion, Touch};
 use dsm::Pose;
 use dsm::build::Carrier;
 use dsm::frame::RgbdFrame;
@@ -18,7 +21,7 @@ use dsm_robot::drivers::{DriverError, JointState, Robot, Twist};
 use dsm_robot::joints::JointVelocities;
 use dsm_robot::model::{Configuration, RobotModel};
 use dsm_robot::nav::{LiveConfig, LiveObstacles};
-use nalgebra::{DMatrix, DVector, Point2, Point3, Vector3};
+use nalgebra::Point2;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -75,34 +78,6 @@ impl Default for AgentConfig {
     }
 }
 
-/// Where the head is to look.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Gaze {
-    /// Pan and tilt of the head, radians; positive tilt looks down.
-    Angles {
-        /// Pan.
-        pan_rad: f64,
-        /// Tilt.
-        tilt_rad: f64,
-    },
-    /// From side to side, so that a drive sees more than what lies ahead.
-    Sweep {
-        /// Farthest pan to either side, radians.
-        half_rad: f64,
-        /// Tilt, radians.
-        tilt_rad: f64,
-    },
-    /// A point in the world.
-    Point(Point3<f64>),
-}
-
-impl Gaze {
-    /// Ahead and down to what stands close before the base, for driving.
-    pub const AHEAD: Self = Self::Angles { pan_rad: 0.0, tilt_rad: 0.6 };
-    /// From side to side and a little down, for driving through the unknown.
-    pub const AROUND: Self = Self::Sweep { half_rad: 0.9, tilt_rad: 0.42 };
-}
-
 /// A frame, and where the robot believed to be when it was read.
 #[derive(Clone, Debug)]
 pub struct Seen {
@@ -136,6 +111,7 @@ pub struct Agent {
     pub live: LiveObstacles,
     frames: BTreeMap<String, Seen>,
     pace: Pace,
+    touch: Touch,
     /// What happened, for the report.
     pub journal: Journal,
 }
@@ -189,6 +165,7 @@ impl Agent {
             live: LiveObstacles::default(),
             frames: BTreeMap::new(),
             pace: Pace::default(),
+            touch: Touch::default(),
             journal: Journal::default(),
         }
     }
@@ -206,14 +183,14 @@ impl Agent {
         // Command.
         let head = self.head_velocities()?;
         let share = self.share_of(base, arm)?;
-        self.robot.base().command(scaled(base, share))?;
-        if share < 1.0 {
+        let sent_base = self.robot.base().command(scaled(base, share))?;
+        let sent_arm = if share < 1.0 {
             let mut arm = arm.clone();
             arm.values_mut().iter_mut().for_each(|velocity| *velocity *= share);
-            self.robot.arm().command(&arm)?;
+            self.robot.arm().command(&arm)?
         } else {
-            self.robot.arm().command(arm)?;
-        }
+            self.robot.arm().command(arm)?
+        };
         self.robot.head().command(&head)?;
         if let Some((width_m, force_n)) = self.grip {
             self.robot.gripper().command(width_m, force_n)?;
@@ -221,6 +198,9 @@ impl Agent {
         // Let time pass.
         self.robot.clock().wait_until(now + self.config.period)?;
         (self.on_tick)();
+        // Feel.
+        let measured = Motion { base: self.robot.base().velocity()?, arm: self.robot.arm().state()?.velocities };
+        self.touch.note(&Motion { base: sent_base, arm: sent_arm }, &measured, self.config.period.as_s());
         // Look.
         for i in 0..self.watched.len() {
             if let Some(frame) = self.robot.cameras().read(&self.watched[i])? {
@@ -254,6 +234,11 @@ impl Agent {
             self.pace.measure(now, &self.map, &posture);
         }
         Ok(self.pace.share(&self.model, &configuration, base, arm))
+    }
+
+    /// Whether something has held up base or arm since this was last asked, and forgets it.
+    pub fn take_touch(&mut self) -> bool {
+        self.touch.take()
     }
 
     /// What a tick sends of a motion of the base alone.
@@ -443,45 +428,18 @@ impl Agent {
         Ok((self.map, self.journal))
     }
 
-    /// Velocities that turn the head towards its gaze: proportional to the joint error, or for a point to the angle
-    /// between the optical axis z and the direction d, by least squares over J_w qdot = k (z x d).
+    /// Velocities that turn the head towards its gaze.
     fn head_velocities(&mut self) -> Result<JointVelocities, Halt> {
-        let state = self.robot.head().state()?;
-        let group = self.model.head.clone();
-        let gain = self.config.head_gain_per_s;
-        let towards = |pan_rad: f64, tilt_rad: f64| -> Vec<f64> {
-            [pan_rad, tilt_rad].iter().zip(state.positions.values()).map(|(goal, now)| gain * (goal - now)).collect()
+        let configuration = self.configuration()?;
+        let world_from_base = self.world_from_base()?;
+        let head = self.robot.head().state()?;
+        let view = View {
+            model: &self.model,
+            configuration: &configuration,
+            world_from_base: &world_from_base,
+            head: head.positions.values(),
+            now: self.robot.clock().now(),
         };
-        let velocities = match self.gaze {
-            Gaze::Angles { pan_rad, tilt_rad } => towards(pan_rad, tilt_rad),
-            Gaze::Sweep { half_rad, tilt_rad } => {
-                // A triangle wave of about one radian per second.
-                let phase = (self.robot.clock().now().as_s() / (4.0 * half_rad)).fract();
-                towards(half_rad * (4.0 * (phase - 0.5).abs() - 1.0), tilt_rad)
-            }
-            Gaze::Point(point) => {
-                let Some((_, camera)) = self.model.find_camera("head") else {
-                    return Ok(JointVelocities::zeros(&group.joints));
-                };
-                let configuration = self.configuration()?;
-                let poses = self.model.kinematics.root_from_links(&configuration);
-                let base_from_camera = *poses.get(camera);
-                let point_in_base = self.world_from_base()?.inverse_transform_point(&point);
-                let axis = base_from_camera * Vector3::z();
-                let direction = (point_in_base - Point3::from(base_from_camera.translation.vector)).normalize();
-                let turn = axis.cross(&direction) * gain;
-                let jacobian = self.model.kinematics.jacobian(&poses, camera, &Point3::origin(), &group);
-                let angular: DMatrix<f64> = jacobian.rows(3, 3).into_owned();
-                // Damping keeps the answer small near the pan axis.
-                let normal = angular.transpose() * &angular + DMatrix::identity(group.len(), group.len()) * 1e-2;
-                let rhs: DVector<f64> = angular.transpose() * turn;
-                normal.cholesky().map_or_else(|| vec![0.0; group.len()], |c| c.solve(&rhs).as_slice().to_vec())
-            }
-        };
-        let mut command = JointVelocities::zeros(&group.joints);
-        for ((value, wanted), limit) in command.values_mut().iter_mut().zip(velocities).zip(&group.limits) {
-            *value = wanted.clamp(-limit.velocity, limit.velocity);
-        }
-        Ok(command)
+        Ok(self.gaze.velocities(&view, self.config.head_gain_per_s))
     }
 }

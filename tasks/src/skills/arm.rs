@@ -9,7 +9,7 @@ use dsm_robot::control::{
     find_joint_path,
 };
 use dsm_robot::drivers::Twist;
-use dsm_robot::joints::JointPositions;
+use dsm_robot::joints::{JointPositions, JointVelocities};
 use dsm_robot::model::LinkId;
 use dsm_robot::model::collision::Obstacle;
 
@@ -23,6 +23,8 @@ const PASSED_RAD: f64 = 0.12;
 const MARGINS_M: [f64; 2] = [0.03, 0.017];
 /// Share of the joints' speed on a planned way: it sweeps wide, and what the map does not hold is met slowly.
 const AROUND_SHARE: f64 = 0.3;
+/// Share of the joints' speed with something in the hand: friction alone holds it against what the arm does to it.
+const LOADED_SHARE: f64 = 0.5;
 /// Improvement that counts for a joint motion, radians or metres.
 const JOINT_PROGRESS: f64 = 0.03;
 /// Improvement that counts for a motion of the tool, metres.
@@ -74,9 +76,13 @@ fn move_joints_by(
     agent: &mut Agent,
     goal: &JointPositions,
     obstacles: &[Obstacle],
-    config: ControllerConfig,
+    mut config: ControllerConfig,
 ) -> Result<ArmOutcome, Halt> {
     let model = agent.model().clone();
+    if agent.held().is_some() {
+        config.velocity_share *= LOADED_SHARE;
+    }
+    agent.take_touch();
     let mut motion = JointMove::new(&model, &model.arm, goal, config);
     let mut watch = Watch::new(agent.now().as_s(), JOINT_PROGRESS, STUCK_AFTER);
     loop {
@@ -85,6 +91,9 @@ fn move_joints_by(
         let output = motion.tick(&state, obstacles, agent.period().as_s());
         agent.journal.control = Some(margins(&output));
         agent.tick(Twist::default(), &output.velocities)?;
+        if agent.take_touch() {
+            return yield_to_touch(agent, &output);
+        }
         if let Some(outcome) = judge(&output, &mut watch, agent.now().as_s()) {
             if outcome != ArmOutcome::Reached {
                 agent.log(format!(
@@ -95,6 +104,22 @@ fn move_joints_by(
             return Ok(outcome);
         }
     }
+}
+
+/// Something that the map does not show holds the arm up: goes back a little the way it came, so that it does not press.
+fn yield_to_touch(agent: &mut Agent, output: &ControlOutput) -> Result<ArmOutcome, Halt> {
+    const SHARE: f64 = 0.5;
+    const DURATION: Span = Span(300_000_000);
+    let mut back: JointVelocities = output.velocities.clone();
+    back.values_mut().iter_mut().for_each(|velocity| *velocity *= -SHARE);
+    agent.note("the arm touches something");
+    let end = agent.now() + DURATION;
+    while agent.now() < end {
+        agent.tick(Twist::default(), &back)?;
+    }
+    agent.rest(Span(100_000_000))?;
+    agent.take_touch();
+    Ok(ArmOutcome::Stuck { error_m: output.error_m, error_rad: output.error_rad })
 }
 
 /// Moves through postures in order.
@@ -152,12 +177,17 @@ pub fn move_tool(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<ArmOutcome,
     controller.set_touching(motion.touching);
     let goal = ToolGoal::from(motion.goal);
     let mut watch = Watch::new(agent.now().as_s(), TOOL_PROGRESS_M, motion.give_up_after);
+    agent.take_touch();
     loop {
         let state = agent.arm_state()?;
         controller.set_other_joints(agent.configuration()?.positions());
         let output = controller.tick(&state, &goal, motion.obstacles, agent.period().as_s());
         agent.journal.control = Some(margins(&output));
         agent.tick(Twist::default(), &output.velocities)?;
+        // Fingers that go in or set down are meant to touch; that they come no nearer ends them.
+        if motion.touching.is_empty() && agent.take_touch() {
+            return yield_to_touch(agent, &output);
+        }
         if let Some(outcome) = judge(&output, &mut watch, agent.now().as_s()) {
             return Ok(outcome);
         }

@@ -87,6 +87,7 @@ impl<'a> Drive<'a> {
     /// Drives.
     pub fn run(mut self, agent: &mut Agent) -> Result<DriveOutcome, Halt> {
         let still = JointVelocities::zeros(&agent.model().arm.joints);
+        agent.take_touch();
         let mut trouble = 0;
         let work = self.planning(agent)?;
         let (mut costmap, path) = agent.plan(work)?;
@@ -118,7 +119,13 @@ impl<'a> Drive<'a> {
             let sent = agent.slowed(output.twist)?;
             follower.note_sent(sent);
             agent.tick(sent, &still)?;
-            match output.status {
+            let status = match output.status {
+                FollowStatus::Following { .. } | FollowStatus::OffPath { .. } if agent.take_touch() => {
+                    FollowStatus::Blocked { reason: BlockReason::Stalled }
+                }
+                status => status,
+            };
+            match status {
                 FollowStatus::Following { .. } => {}
                 FollowStatus::Arrived => return Ok(DriveOutcome::Arrived),
                 FollowStatus::Blocked { reason } => {
@@ -128,7 +135,9 @@ impl<'a> Drive<'a> {
                     }
                     match reason {
                         BlockReason::Stalled => {
-                            come_free(agent)?;
+                            if come_free(agent, sent)? == HeldUp::Arm {
+                                return Ok(DriveOutcome::Blocked("the arm touches something".into()));
+                            }
                             // What the follower commanded before does not hold any more.
                             follower = Follower::new(self.nav.follower.clone(), follower.path().clone());
                         }
@@ -226,21 +235,42 @@ fn add_low_things(floor: &mut FreeSpace, map: &Map) {
     }
 }
 
-/// Something unseen holds the base up: remembers where, and drives a little the other way.
-fn come_free(agent: &mut Agent) -> Result<(), Halt> {
+/// What is held up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum HeldUp {
+    Base,
+    /// It sticks out of the footprint, so that the base says nothing of where.
+    Arm,
+}
+
+/// Something unseen holds up what was `sent`: drives a little the other way, and remembers where if it was the base.
+fn come_free(agent: &mut Agent, sent: Twist) -> Result<HeldUp, Halt> {
     const SPEED_M_PER_S: f64 = 0.12;
     const DURATION: Span = Span(1_500_000_000);
     /// The thing is a little beyond the footprint, metres.
     const BEYOND_M: f64 = 0.04;
+    /// A robot that sticks out of its footprint by less is folded, metres.
+    const FOLDED_M: f64 = 0.02;
+    let way = if sent.forward_m_per_s < 0.0 { -1.0 } else { 1.0 };
     let world_from_base = agent.world_from_base()?;
     let radius_m = agent.model().settings.base.footprint_radius_m;
-    let ahead = world_from_base * Point3::new(radius_m + BEYOND_M, 0.0, 0.0);
-    agent.bumps.push(ahead.xy());
-    agent.note(format!("something unseen is in the way at ({:.2}, {:.2})", ahead.x, ahead.y));
+    let configuration = agent.configuration()?;
+    let out_m = agent.model().radius_m(&configuration);
+    // A load is folded in as far as it goes, and keeps to no side.
+    let is_arm = out_m > radius_m + FOLDED_M && agent.held().is_none();
+    let held_up = if is_arm { HeldUp::Arm } else { HeldUp::Base };
+    if held_up == HeldUp::Base {
+        let ahead = world_from_base * Point3::new(way * (radius_m + BEYOND_M), 0.0, 0.0);
+        agent.bumps.push(ahead.xy());
+        agent.note(format!("something unseen is in the way at ({:.2}, {:.2})", ahead.x, ahead.y));
+    } else {
+        agent.note("the arm touches something");
+    }
     let still = JointVelocities::zeros(&agent.model().arm.joints);
     let end = agent.now() + DURATION;
     while agent.now() < end {
-        agent.tick(Twist { forward_m_per_s: -SPEED_M_PER_S, turn_rad_per_s: 0.0 }, &still)?;
+        agent.tick(Twist { forward_m_per_s: -way * SPEED_M_PER_S, turn_rad_per_s: 0.0 }, &still)?;
     }
-    Ok(())
+    agent.take_touch();
+    Ok(held_up)
 }
