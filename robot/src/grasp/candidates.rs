@@ -182,6 +182,11 @@ fn headings(scene: &GraspScene, shape: &Shape) -> Vec<(f64, f64)> {
         .collect()
 }
 
+/// How far below their middle tall things are held as well, metres: what tapers to its top slips out there.
+const LOWERED_M: f64 = -0.035;
+/// Half the height from which a thing is tall, metres.
+const HALF_TALL_M: f64 = 0.06;
+
 fn propose_from_shape(scene: &GraspScene, shape: &Shape, config: &GraspConfig) -> Vec<Result<Proposal, RejectReason>> {
     const SLANT_FOR_BOTH_WAYS: f64 = 0.5;
     let mut proposals = Vec::new();
@@ -195,7 +200,9 @@ fn propose_from_shape(scene: &GraspScene, shape: &Shape, config: &GraspConfig) -
         for &pitch in &config.frontal_pitches_rad {
             let (approach, closing) = side_directions(heading, pitch);
             let preference = liked * if pitch < 0.3 { 0.95 } else { 0.97 };
-            for extra_raise_m in [0.0, 0.01] {
+            let tall = shape.half_extent_m(&Vector3::z()) > HALF_TALL_M;
+            let raises_m: &[f64] = if tall { &[0.0, 0.01, LOWERED_M] } else { &[0.0, 0.01] };
+            for &extra_raise_m in raises_m {
                 proposals.push(place(scene, shape, &approach, &closing, extra_raise_m, preference, config));
             }
             if pitch > SLANT_FOR_BOTH_WAYS {
@@ -230,11 +237,11 @@ fn place(
     let pose = Pose::from_parts(Translation3::from(at.coords), tool_rotation(approach, closing));
     let opening = (2.0 * half_width_m + config.opening_margin_m).min(config.hand.max_aperture_m);
     let lowest = SweptHand::new(opening, config).lowest_finger_z_m(&pose, config);
-    let lift_off = (scene.support_z_m + config.support_clearance_m - lowest).max(0.0);
-    let raise_m = lift_off + extra_raise_m;
+    let needed_m = scene.support_z_m + config.support_clearance_m - lowest;
+    let raise_m = if extra_raise_m < 0.0 { needed_m.max(extra_raise_m) } else { needed_m.max(0.0) + extra_raise_m };
     // What the hand does not do along its approach it must do across it.
     let across = Vector3::z() - approach * approach.z;
-    let off_m = raise_m + back_m * approach.z.abs();
+    let off_m = raise_m.abs() + back_m * approach.z.abs();
     let share_limit = config.max_raise_share * half_height;
     let limit =
         if matches!(shape, Shape::Sphere { .. }) { share_limit } else { share_limit.max(half_height - MIN_HOLD_M) };
@@ -292,6 +299,7 @@ fn test(
     let antipodality =
         contact.squareness.map_or(proposal.surface_cosine * 0.9, |measured| 0.5 * (measured + proposal.surface_cosine));
     let score = antipodality
+        * contact.grip(config)
         * (0.4 + 0.6 * (clearance_m / 0.03).min(1.0))
         * (0.6 + 0.4 * contact.observed_share)
         * proposal.centering
@@ -313,6 +321,18 @@ struct Contact {
     observed_share: f64,
     /// Mean cosine between normals at the contact sides and the closing direction; `None` without normals there.
     squareness: Option<f64>,
+    /// Mean vertical component of the outward normals there, below the rim; `None` without enough of them.
+    lean: Option<f64>,
+}
+
+impl Contact {
+    /// How well the sides hold against gravity, 0 to 1: sides that lean together towards the top turn the grip into a push
+    /// downwards, and at the friction angle the thing slips out below.
+    fn grip(&self, config: &GraspConfig) -> f64 {
+        const WORST: f64 = 0.3;
+        let share = self.lean.map_or(0.0, |lean| (lean / config.friction_cone_rad.sin()).clamp(0.0, 1.0));
+        1.0 - (1.0 - WORST) * share
+    }
 }
 
 /// What the cloud says about the slab that the fingers close on.
@@ -324,22 +344,26 @@ fn measure_contact(
 ) -> Contact {
     const SIDE_M: f64 = 0.010;
     const MAX_SHIFT_M: f64 = 0.015;
+    /// Normals near the rim are those of the edge, metres.
+    const RIM_M: f64 = 0.015;
+    let top_m = scene.target.iter().map(|p| p.z).fold(f64::NEG_INFINITY, f64::max);
     let tool_from_world = proposal.world_from_tool.inverse();
     let half_slab = 0.5 * config.hand.finger_width_m + 0.004;
     let tip = config.hand.tip_beyond_tool_m;
-    let slab: Vec<(f64, Option<f64>)> = scene
+    let slab: Vec<(f64, Option<f64>, Option<f64>)> = scene
         .target
         .iter()
         .zip(target_normals)
         .filter_map(|(point, normal)| {
             let p = tool_from_world * point;
             let inside = p.x.abs() < half_slab && p.z > -0.03 && p.z < tip + 0.005;
-            inside.then(|| (p.y, normal.map(|n| (tool_from_world.rotation * n).y.abs())))
+            let up = normal.filter(|_| point.z < top_m - RIM_M).map(|n| n.z);
+            inside.then(|| (p.y, normal.map(|n| (tool_from_world.rotation * n).y.abs()), up))
         })
         .collect();
     let half = proposal.half_width_m;
-    let unseen = Contact { width_m: 2.0 * half, shift_m: 0.0, observed_share: 0.0, squareness: None };
-    let ys = || slab.iter().map(|(y, _)| *y);
+    let unseen = Contact { width_m: 2.0 * half, shift_m: 0.0, observed_share: 0.0, squareness: None, lean: None };
+    let ys = || slab.iter().map(|(y, ..)| *y);
     let (Some(low), Some(high)) = (quantile(ys(), 0.03), quantile(ys(), 0.97)) else { return unseen };
     if slab.len() < 6 {
         return unseen;
@@ -350,10 +374,11 @@ fn measure_contact(
     let shift_m = if both { (0.5 * (low + high)).clamp(-MAX_SHIFT_M, MAX_SHIFT_M) } else { 0.0 };
     let reach = (high - shift_m).max(shift_m - low);
     let width_m = if both { (high - low).max(1.6 * half) } else { 2.0 * half.max(reach) };
-    let sides: Vec<f64> =
-        slab.iter().filter(|(y, _)| *y < low + 0.008 || *y > high - 0.008).filter_map(|(_, n)| *n).collect();
-    let squareness = (sides.len() >= 4).then(|| sides.iter().sum::<f64>() / sides.len() as f64);
-    Contact { width_m, shift_m, observed_share, squareness }
+    let at_sides = || slab.iter().filter(|(y, ..)| *y < low + 0.008 || *y > high - 0.008);
+    let mean_of = |values: Vec<f64>| (values.len() >= 4).then(|| values.iter().sum::<f64>() / values.len() as f64);
+    let squareness = mean_of(at_sides().filter_map(|(_, n, _)| *n).collect());
+    let lean = mean_of(at_sides().filter_map(|(.., up)| *up).collect());
+    Contact { width_m, shift_m, observed_share, squareness, lean }
 }
 
 /// Distance of the swept hand from everything else; the support counts for the palm only, since the fingers' height over

@@ -88,8 +88,9 @@ pub fn grasp(agent: &mut Agent, nav: &NavConfig, settings: &GraspSettings, id: O
     let Some(target) = Target::of(agent.map(), id) else {
         return Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0)));
     };
+    let mut slipped_z_m = Vec::new();
     for attempt in 0..settings.max_attempts {
-        let result = try_grasp(agent, nav, settings, &target, attempt)?;
+        let result = try_grasp(agent, nav, settings, &target, attempt, &mut slipped_z_m)?;
         let now_s = agent.now().as_s();
         match result {
             Ok(reason) => return Ok(Outcome::Done(reason)),
@@ -125,6 +126,7 @@ fn try_grasp(
     settings: &GraspSettings,
     target: &Target,
     attempt: usize,
+    slipped_z_m: &mut Vec<f64>,
 ) -> Result<Attempt, Halt> {
     // Where to stand.
     let id = target.id();
@@ -150,7 +152,7 @@ fn try_grasp(
     let picture = agent.find_frame("head").map(|seen| seen.frame.clone());
     agent.journal.note(now_s, "before the object", picture.as_ref());
     // Choose a grasp for where the base really stands.
-    let (reach, support_z_m) = match choose_grasp(agent, settings, target)? {
+    let (reach, support_z_m) = match choose_grasp(agent, settings, target, slipped_z_m)? {
         Ok(chosen) => chosen,
         Err(failure) => return Ok(Err(failure)),
     };
@@ -235,13 +237,18 @@ fn try_grasp(
     // Close and lift.
     let width_m = close(agent, settings)?;
     if width_m < settings.min_width_m {
+        slipped_z_m.push(grasp.world_from_tool.translation.z);
         return Ok(Err((Stage::Grasp, format!("the fingers closed to {:.0} mm: nothing between them", 1e3 * width_m))));
     }
     let aperture_m = settings.planner.hand.max_aperture_m;
     let before =
         between_fingers(&points_of(&target.in_map(agent.map()), id), &grasp.world_from_tool, support_z_m, aperture_m);
     let lifted = lift(agent, settings, &base_from_grasp, &reach.joints, &obstacles)?;
-    verify(agent, settings, &before, lifted)
+    let verified = verify(agent, settings, &before, lifted)?;
+    if matches!(verified, Err((Stage::Hold, _))) {
+        slipped_z_m.push(grasp.world_from_tool.translation.z);
+    }
+    Ok(verified)
 }
 
 /// Lifts; where something is above the arm, out to the front first: on a shelf there is no room to lift.
@@ -330,7 +337,9 @@ fn choose_approaches(
         let Some(scene) = GraspScene::from_map(&map, id, ApproachFrom::Anywhere) else {
             return (Vec::new(), "the object left the map".to_owned());
         };
-        let plan = plan_grasps(&scene, &settings.planner, &|_| Some(1.0));
+        // From all sides: what can only be reached from afar needs the slanted ones among them.
+        let planner = GraspConfig { max_candidates: 2 * settings.planner.max_candidates, ..settings.planner.clone() };
+        let plan = plan_grasps(&scene, &planner, &|_| Some(1.0));
         let seeds = seeds(&model);
         let target = map.find_object(id).map(|object| object.bounds);
         let sight = target.map(|bounds| (Sight::among(&map, &costmap, &bounds), bounds));
@@ -364,12 +373,21 @@ fn choose_approaches(
 
 type Chosen = Result<(Reach, f64), (Stage, String)>;
 
-/// The best grasp that the arm reaches from where the base stands, and the height of the support.
-fn choose_grasp(agent: &mut Agent, settings: &GraspSettings, target: &Target) -> Result<Chosen, Halt> {
+/// Where a thing slipped out of the fingers it does so again: at heights nearer to that than this, metres.
+const SAME_HOLD_M: f64 = 0.02;
+
+/// The best grasp that the arm reaches from where the base stands, and the height of the support. Heights at which the
+/// thing slipped come last.
+fn choose_grasp(
+    agent: &mut Agent,
+    settings: &GraspSettings,
+    target: &Target,
+    slipped_z_m: &[f64],
+) -> Result<Chosen, Halt> {
     let (id, map, model) = (target.id(), target.in_map(agent.map()), agent.model().clone());
     let world_from_base = agent.world_from_base()?;
     let configuration = agent.configuration()?;
-    let settings = settings.clone();
+    let (settings, slipped_z_m) = (settings.clone(), slipped_z_m.to_vec());
     agent.plan(move || {
         let from = ApproachFrom::Base(Point2::from(world_from_base.translation.vector.xy()));
         let Some(scene) = GraspScene::from_map(&map, id, from) else {
@@ -383,9 +401,13 @@ fn choose_grasp(agent: &mut Agent, settings: &GraspSettings, target: &Target) ->
             find_reach(&model, &configuration, &seeds, &obstacles, &goal, &settings.planner)
         };
         let plan = plan_grasps(&scene, &settings.planner, &|pose| reach(pose).map(|_| 1.0));
-        let chosen = plan
-            .candidates
-            .iter()
+        let slips = |grasp: &&GraspCandidate| {
+            slipped_z_m.iter().any(|z_m| (grasp.world_from_tool.translation.z - z_m).abs() < SAME_HOLD_M)
+        };
+        let (others, slippery): (Vec<_>, Vec<_>) = plan.candidates.iter().partition(|grasp| !slips(grasp));
+        let chosen = others
+            .into_iter()
+            .chain(slippery)
             .find_map(|grasp| Some(Reach { joints: reach(&grasp.world_from_tool)?, grasp: grasp.clone() }));
         chosen
             .map(|reach| (reach, scene.support_z_m))
@@ -442,7 +464,7 @@ pub(super) fn back_off(agent: &mut Agent, distance_m: f64, speed_m_per_s: f64) -
         };
         // All that the base sweeps, every few centimetres.
         let free = (-6..=6).all(|i| is_floor(f64::from(i) * 0.18));
-        if gone_m >= distance_m || !free {
+        if gone_m >= distance_m || !free || agent.take_touch() {
             break;
         }
         // Braking in time: v <= sqrt(2 a d).

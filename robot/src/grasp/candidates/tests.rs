@@ -227,3 +227,22 @@ fn poses_retreat_and_lift() {
     }
     assert_eq!(plan, plan_grasps(&scene, &config, &everywhere), "the same input gives the same plan");
 }
+
+#[test]
+fn a_vase_is_held_where_its_sides_do_not_lean_together() {
+    // A belly with a neck: the middle of its height lies on the shoulder, from which it slips out downwards.
+    let (support_z_m, belly_m, half_m, radius_m) = (0.73, 0.07, 0.063, 0.046);
+    let middle = Point3::new(1.0, 0.0, support_z_m + belly_m);
+    let belly: Vec<Point3<f64>> = sphere(Point3::origin(), 1.0, 0.02, 3000, 3)
+        .into_iter()
+        .map(|p| middle + Vector3::new(radius_m * p.x, radius_m * p.y, half_m * p.z))
+        .collect();
+    let neck = cylinder(Point3::new(1.0, 0.0, support_z_m + 0.165), 0.025, 0.08, 0.001, 1200, 4);
+    let vase: Vec<Point3<f64>> = belly.into_iter().chain(neck).collect();
+    let scene =
+        GraspScene::from_points(&seen_from(&vase, &middle, Vector3::new(-1.0, 0.0, 0.5), 0.0), &[], BASE).unwrap();
+    let plan = plan_grasps(&scene, &GraspConfig::default(), &everywhere);
+    let first = &plan.candidates[0];
+    let over_belly_m = first.world_from_tool.translation.z - middle.z;
+    assert!(over_belly_m < 0.02 || over_belly_m > 0.06, "held {over_belly_m:.3} m over its belly: {first:?}");
+}
