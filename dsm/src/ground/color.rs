@@ -59,16 +59,28 @@ pub(super) fn may_be_seen_as(words: &Words, asked: &str, voted: &str) -> f32 {
     compare(words, asked, voted, distance, weight)
 }
 
-/// How well a measured sRGB colour fits a canonical colour word, relative to the best-fitting word, 0 to 1.
-/// Lightness counts half: exposure changes it.
-pub(super) fn fit(words: &Words, asked: &str, srgb: [f64; 3]) -> f32 {
-    let lab = lab_of(srgb);
-    let score = |name: &str| {
-        let prototype = words.prototypes.iter().find(|p| p.name == name);
-        prototype.map_or(0.0, |p| alike(lab, lab_of(p.srgb.map(f64::from)), ALIKE_DISTANCE, 0.5))
-    };
-    let best = words.prototypes.iter().map(|p| score(&p.name)).fold(0.0, f32::max);
-    if best > 0.0 { score(asked) / best } else { 0.0 }
+/// The colours of canonical words, ready to be compared with many measured ones.
+pub(super) struct Prototypes<'k>(Vec<(&'k str, [f64; 3])>);
+
+impl<'k> Prototypes<'k> {
+    /// Those of the word lists.
+    pub(super) fn of(words: &'k Words) -> Self {
+        let lab = |srgb: [u8; 3]| lab_of(srgb.map(f64::from));
+        Self(words.prototypes.iter().map(|p| (p.name.as_str(), lab(p.srgb))).collect())
+    }
+
+    /// How well a measured sRGB colour fits a canonical colour word, relative to the best-fitting word, 0 to 1.
+    /// Lightness counts half: exposure changes it.
+    pub(super) fn fit(&self, asked: &str, srgb: [f64; 3]) -> f32 {
+        let lab = lab_of(srgb);
+        let (mut best, mut own) = (0.0_f32, 0.0);
+        for (name, prototype) in &self.0 {
+            let score = alike(lab, *prototype, ALIKE_DISTANCE, 0.5);
+            best = best.max(score);
+            own = if *name == asked { score } else { own };
+        }
+        if best > 0.0 { own / best } else { 0.0 }
+    }
 }
 
 #[cfg(test)]
@@ -87,7 +99,8 @@ mod tests {
         assert!(word_similarity(words, "white", "gray") > 0.3);
         assert!(may_be_seen_as(words, "white", "gray") > 0.2);
         assert!(may_be_seen_as(words, "purple", "blue") < 0.15);
-        assert!(fit(words, "red", [170.0, 30.0, 35.0]) > 0.95);
-        assert!(fit(words, "green", [170.0, 30.0, 35.0]) < 0.05);
+        let prototypes = Prototypes::of(words);
+        assert!(prototypes.fit("red", [170.0, 30.0, 35.0]) > 0.95);
+        assert!(prototypes.fit("green", [170.0, 30.0, 35.0]) < 0.05);
     }
 }

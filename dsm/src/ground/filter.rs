@@ -104,7 +104,7 @@ pub(super) fn evaluate_with(context: Context<'_, '_>, entity: &Entity, mentions:
         if config.presume_present {
             likeness::soften(&mut scores, &result.total);
         } else {
-            retrieve::doubt_colors(scene, term, knowledge, &mut scores);
+            retrieve::doubt_colors(scene, term, &result.total, knowledge, &mut scores);
         }
         let label = format!("{}{}", if term.negated { "not " } else { "" }, term.word);
         result.push(kind_of_attribute(term.kind, term.negated), label, scores, vec![None; count]);

@@ -81,15 +81,15 @@ impl Grounder {
     ) -> Grounding {
         let tokens = tokens_of(text);
         let words = without_verb(&tokens);
-        let names = Names::of(map, self.config.presume_present);
+        let scene = Scene::new(map, &self.knowledge, world_from_viewer).with_fronts(fronts);
+        let names = Names::of(scene.names.winning(), self.config.presume_present);
         if self.config.presume_present && !words.is_empty() {
-            return self.ground_present(map, fronts, words, &names, world_from_viewer);
+            return self.ground_present(scene, words, &names);
         }
         let Some(near) = parse_query(words, &self.knowledge, &names, Attachment::Nearest) else {
             let reason = if tokens.is_empty() { "there are no words" } else { "no thing or room is named" };
             return Grounding::unparsed(reason, self.verifier.name());
         };
-        let scene = Scene::new(map, &self.knowledge, world_from_viewer).with_fronts(fronts);
         let answer = self.answer(&scene, near.clone());
         if answer.status == GroundingStatus::Found {
             return answer;
@@ -104,15 +104,7 @@ impl Grounder {
     }
 
     /// As [`ground_with_fronts`](Self::ground_with_fronts), where the thing that is meant is known to be there.
-    fn ground_present(
-        &self,
-        map: &Map,
-        fronts: &BTreeMap<ObjectId, [f64; 2]>,
-        words: &[String],
-        names: &Names,
-        world_from_viewer: Option<&Pose>,
-    ) -> Grounding {
-        let scene = Scene::new(map, &self.knowledge, world_from_viewer).with_fronts(fronts);
+    fn ground_present(&self, scene: Scene<'_>, words: &[String], names: &Names) -> Grounding {
         let (scene, query) = self.understand(scene, words, names);
         let context = Context { scene: &scene, knowledge: &self.knowledge, config: &self.config };
         let (mut evaluation, features) = self.weigh(context, &query, words);
@@ -127,8 +119,8 @@ impl Grounder {
     pub fn rank_evidence(&self, map: &Map, fronts: &BTreeMap<ObjectId, [f64; 2]>, text: &str) -> Ranking {
         let tokens = tokens_of(text);
         let words = without_verb(&tokens);
-        let names = Names::of(map, true);
         let scene = Scene::new(map, &self.knowledge, None).with_fronts(fronts);
+        let names = Names::of(scene.names.winning(), true);
         let (scene, query) = self.understand(scene, words, &names);
         let context = Context { scene: &scene, knowledge: &self.knowledge, config: &self.config };
         let (_, features) = self.weigh(context, &query, words);

@@ -44,6 +44,7 @@ mod retrieve;
 mod rooms;
 mod scene;
 mod select;
+mod spoken_names;
 mod subject;
 mod verify;
 mod viewpoint;

@@ -3,7 +3,6 @@
 use super::query::{AttributeTerm, AttributeWord, Noun};
 use super::words;
 use crate::knowledge::{Knowledge, misspelling_distance, normalize, singular_of};
-use crate::map::Map;
 use std::collections::BTreeSet;
 
 /// The head of a run of content words.
@@ -26,9 +25,8 @@ pub(super) struct Names {
 }
 
 impl Names {
-    /// The winning names of the stable objects, with their singular forms.
-    pub(super) fn of(map: &Map, lenient: bool) -> Self {
-        let said: BTreeSet<&str> = map.stable_objects().map(|object| object.name()).collect();
+    /// These names with their singular forms.
+    pub(super) fn of<'n>(said: impl Iterator<Item = &'n str>, lenient: bool) -> Self {
         let mut names = BTreeSet::new();
         for name in said {
             let name = normalize(name);

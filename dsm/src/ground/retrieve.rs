@@ -5,7 +5,7 @@ use super::color;
 use super::query::{AttributeTerm, AttributeWord, Noun};
 use super::scene::{Item, Scene};
 use crate::knowledge::{Category, Knowledge, normalize, singular_of};
-use crate::map::{AttributeKind, Votes};
+use crate::map::{AttributeKind, MapPoint, Votes};
 use std::collections::BTreeMap;
 
 /// Score of an attribute about which the map knows nothing: it neither helps nor refuses much.
@@ -32,13 +32,14 @@ pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge)
     let spelled = normalize(asked);
     let asked_category = knowledge.find(asked);
     let asked = knowledge.meaning(asked);
-    let mut similarity_of: BTreeMap<&str, (f32, bool)> = BTreeMap::new();
+    let mut similarity_of: Vec<Option<(f32, bool)>> = vec![None; scene.names.all.len()];
     let mut scores = Vec::with_capacity(scene.items.len());
-    for (item, category) in scene.items.iter().zip(&scene.categories) {
-        let total = item.object.names.total().max(1e-6);
+    for ((item, category), votes) in scene.items.iter().zip(&scene.categories).zip(scene.names.votes()) {
+        let total = votes.iter().map(|(_, weight)| weight).sum::<f32>().max(1e-6);
         let (mut share, mut quality, mut literal) = (0.0, 0.0, 0.0);
-        for (name, weight) in item.object.names.iter() {
-            let (similarity, same_word) = *similarity_of.entry(name).or_insert_with(|| {
+        for &(name, weight) in votes {
+            let (similarity, same_word) = *similarity_of[name].get_or_insert_with(|| {
+                let name = scene.names.all[name];
                 let other = normalize(name);
                 let same = other == spelled
                     || singular_of(&other).contains(&spelled)
@@ -89,7 +90,7 @@ pub(super) fn literal_noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Kn
     let spelled = normalize(asked);
     let joined = |name: &str| name.replace(' ', "");
     let meaning = knowledge.meaning(asked);
-    let mut known: BTreeMap<String, f32> = BTreeMap::new();
+    let mut known: Vec<Option<f32>> = vec![None; scene.names.all.len()];
     let last = |name: &str| name.rsplit(' ').next().unwrap_or("").to_owned();
     let fit = |name: &str| {
         let other = normalize(name);
@@ -114,11 +115,8 @@ pub(super) fn literal_noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Kn
             .max(headed)
         }
     };
-    let score = |item: &Item<'_>| {
-        let name = item.object.name();
-        *known.entry(name.to_owned()).or_insert_with(|| fit(name))
-    };
-    let mut scores: Vec<f32> = scene.items.iter().map(score).collect();
+    let score = |name: &usize| *known[*name].get_or_insert_with(|| fit(scene.names.all[*name]));
+    let mut scores: Vec<f32> = scene.names.winners.iter().map(score).collect();
     let best = scores.iter().copied().fold(0.0, f32::max);
     if best > 0.0 {
         scores.iter_mut().for_each(|score| *score /= best);
@@ -163,6 +161,7 @@ pub(super) fn attribute_scores(
 ) -> Vec<f32> {
     let scores = match term.kind {
         AttributeWord::Size => size_scores(scene, &term.word, fits_noun),
+        AttributeWord::Color => color_scores(scene, &term.word, fits_noun, knowledge),
         _ => {
             let one = |(item, fits): (&Item<'_>, &f32)| {
                 if *fits > 0.0 { attribute_score(item, term, knowledge) } else { 0.0 }
@@ -194,7 +193,6 @@ fn attribute_score(item: &Item<'_>, term: &AttributeTerm, knowledge: &Knowledge)
     let votes = |kind, key| item.object.attributes.find_votes(kind, key).filter(|votes| votes.total() > 0.0);
     let category = || knowledge.find(item.object.name());
     match term.kind {
-        AttributeWord::Color => color_score(item, &term.word, knowledge),
         AttributeWord::Material => match votes(AttributeKind::Physical, "material") {
             Some(votes) => {
                 let canonical = |word: &str| knowledge.words().materials.find(word);
@@ -230,12 +228,12 @@ fn attribute_score(item: &Item<'_>, term: &AttributeTerm, knowledge: &Knowledge)
         },
         AttributeWord::Purpose => purpose_score(votes(AttributeKind::Affordance, "use"), category(), &term.word),
         AttributeWord::Shape => shape_score(item, &term.word),
-        AttributeWord::Size => UNKNOWN,
+        AttributeWord::Color | AttributeWord::Size => UNKNOWN,
     }
 }
 
 /// The share of a canonical word among votes, whatever synonyms were voted.
-fn canonical_share<'k>(votes: &Votes, word: &str, canonical: impl Fn(&str) -> Option<&'k str>) -> f32 {
+fn canonical_share<'v, 'k>(votes: &'v Votes, word: &str, mut canonical: impl FnMut(&'v str) -> Option<&'k str>) -> f32 {
     let counted: f32 =
         votes.iter().filter(|(voted, _)| *voted == word || canonical(voted) == Some(word)).map(|(_, w)| w).sum();
     counted / votes.total().max(1e-6)
@@ -265,40 +263,59 @@ fn purpose_score(votes: Option<&Votes>, category: Option<&Category>, word: &str)
     }
 }
 
-fn color_score(item: &Item<'_>, asked: &str, knowledge: &Knowledge) -> f32 {
+/// Remembers what is said of each word.
+fn remembered<'w, T: Copy>(say: impl Fn(&'w str) -> T) -> impl FnMut(&'w str) -> T {
+    let mut said: BTreeMap<&str, T> = BTreeMap::new();
+    move |word| *said.entry(word).or_insert_with(|| say(word))
+}
+
+fn color_scores<'a>(scene: &Scene<'a>, asked: &str, fits_noun: &[f32], knowledge: &Knowledge) -> Vec<f32> {
     let words = knowledge.words();
-    if let Some(votes) = item.object.attributes.find_votes(AttributeKind::Appearance, "color")
-        && votes.total() > 0.0
-    {
-        let fit = |voted: &str| color::word_similarity(words, asked, words.colors.find(voted).unwrap_or(voted));
-        let mean: f32 = votes.iter().map(|(voted, weight)| weight * fit(voted)).sum::<f32>() / votes.total();
-        return saturated(mean, 0.5);
-    }
-    let points = &item.object.points;
-    if points.is_empty() {
-        return UNKNOWN;
-    }
-    let sum = points.iter().fold([0.0; 3], |sum: [f64; 3], p| std::array::from_fn(|i| sum[i] + f64::from(p.color[i])));
-    color::fit(words, asked, sum.map(|c| c / points.len() as f64)).max(CONTRADICTED)
+    let prototypes = color::Prototypes::of(words);
+    let mut fit = remembered(|voted| color::word_similarity(words, asked, words.colors.find(voted).unwrap_or(voted)));
+    let mut one = |item: &Item<'a>| {
+        if let Some(votes) = item.object.attributes.find_votes(AttributeKind::Appearance, "color")
+            && votes.total() > 0.0
+        {
+            let mean: f32 = votes.iter().map(|(voted, weight)| weight * fit(voted)).sum::<f32>() / votes.total();
+            return saturated(mean, 0.5);
+        }
+        let points = &item.object.points;
+        if points.is_empty() {
+            return UNKNOWN;
+        }
+        let add = |sum: [f64; 3], p: &MapPoint| std::array::from_fn(|i| sum[i] + f64::from(p.color[i]));
+        let sum = points.iter().fold([0.0; 3], add);
+        prototypes.fit(asked, sum.map(|c| c / points.len() as f64)).max(CONTRADICTED)
+    };
+    scene.items.iter().zip(fits_noun).map(|(item, fits)| if *fits > 0.0 { one(item) } else { 0.0 }).collect()
 }
 
 /// Lowers the scores of things that cannot have the asked colour, however near it lies: where the thing may be missing, a
 /// blue mug is no purple one.
-pub(super) fn doubt_colors(scene: &Scene<'_>, term: &AttributeTerm, knowledge: &Knowledge, scores: &mut [f32]) {
+///
+/// `fits` tells which things count at all.
+pub(super) fn doubt_colors(
+    scene: &Scene<'_>,
+    term: &AttributeTerm,
+    fits: &[f32],
+    knowledge: &Knowledge,
+    scores: &mut [f32],
+) {
     /// Share of the votes from which the colour is believed.
     const BELIEVED_SHARE: f32 = 0.25;
     if term.kind != AttributeWord::Color || term.negated {
         return;
     }
     let words = knowledge.words();
-    for (item, score) in scene.items.iter().zip(scores) {
+    let mut canonical = remembered(|voted| words.colors.find(voted));
+    let mut by_light =
+        remembered(|voted| color::may_be_seen_as(words, &term.word, words.colors.find(voted).unwrap_or(voted)));
+    for ((item, score), _) in scene.items.iter().zip(scores).zip(fits).filter(|(_, fits)| **fits > 0.0) {
         let votes = item.object.attributes.find_votes(AttributeKind::Appearance, "color");
         let Some(votes) = votes.filter(|votes| votes.total() > 0.0) else { continue };
-        let share = canonical_share(votes, &term.word, |word| words.colors.find(word));
-        let by_light = |(voted, weight): (&str, f32)| {
-            weight * color::may_be_seen_as(words, &term.word, words.colors.find(voted).unwrap_or(voted))
-        };
-        let seen_as: f32 = votes.iter().map(by_light).sum::<f32>() / votes.total();
+        let share = canonical_share(votes, &term.word, &mut canonical);
+        let seen_as = votes.iter().map(|(voted, weight)| weight * by_light(voted)).sum::<f32>() / votes.total();
         *score = score.min((share / BELIEVED_SHARE).max(seen_as / 0.8).clamp(CONTRADICTED, 1.0));
     }
 }

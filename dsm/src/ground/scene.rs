@@ -1,11 +1,11 @@
 //! The map as the reasoner looks at it: stable objects in arrays, edges by pair.
 
 use super::answer::ReferenceFrame;
+use super::spoken_names::SpokenNames;
 use crate::Pose;
 use crate::geometry::{Aabb, intersection_area_m2};
-
 use crate::knowledge::{Category, Knowledge};
-use crate::map::{CellState, Map, MapObject, ObjectId, RelationKind, Room};
+use crate::map::{CellState, Map, MapObject, ObjectId, RelationKind, Room, RoomId};
 use nalgebra::{Point2, Point3, Vector2};
 use std::collections::BTreeMap;
 
@@ -20,10 +20,14 @@ pub(super) struct Item<'a> {
 pub(super) struct Scene<'a> {
     pub(super) map: &'a Map,
     pub(super) items: Vec<Item<'a>>,
+    /// What the items are called.
+    pub(super) names: SpokenNames<'a>,
     /// Category by item, where its name is known.
     pub(super) categories: Vec<Option<&'a Category>>,
     /// Stored relations by the item they start from: where they lead, kind, confidence.
     edges: Vec<Vec<(usize, RelationKind, f32)>>,
+    /// Place in the map by the identity of a room; of several with one identity, the first.
+    room_places: BTreeMap<RoomId, usize>,
     /// The box around all objects; empty at the origin without any.
     pub(super) extent: Aabb,
     /// Middle of all objects, in the world frame.
@@ -56,13 +60,14 @@ impl<'a> Scene<'a> {
                 edges[from].push((to, relation.kind, relation.confidence));
             }
         }
-        // Many objects share a name, and looking one up costs more than all else that is done per object here.
-        let mut known: BTreeMap<&str, Option<&Category>> = BTreeMap::new();
-        let mut category = |item: &Item<'a>| {
-            let name = item.object.name();
-            *known.entry(name).or_insert_with(|| knowledge.find(name))
-        };
-        let categories = items.iter().map(&mut category).collect();
+        let names = SpokenNames::of(items.iter().map(|item| item.object));
+        let mut known: Vec<Option<Option<&Category>>> = vec![None; names.all.len()];
+        let mut category = |name: &usize| *known[*name].get_or_insert_with(|| knowledge.find(names.all[*name]));
+        let categories = names.winners.iter().map(&mut category).collect();
+        let mut room_places = BTreeMap::new();
+        for (place, room) in map.rooms.iter().enumerate() {
+            room_places.entry(room.id).or_insert(place);
+        }
         let mut all: Option<Aabb> = None;
         for item in &items {
             all =
@@ -75,7 +80,8 @@ impl<'a> Scene<'a> {
         let center = extent.center().xy();
         let viewer = world_from_viewer.map(|pose| Point3::from(pose.translation.vector).xy());
         let viewer = viewer.filter(|v| v.coords.iter().all(|c| c.is_finite()));
-        Self { map, items, categories, edges, extent, center, viewer, fronts: BTreeMap::new(), told: None }
+        let fronts = BTreeMap::new();
+        Self { map, items, names, categories, edges, room_places, extent, center, viewer, fronts, told: None }
     }
 
     /// As seen by a viewer who looks in the direction `forward`.
@@ -214,7 +220,7 @@ impl<'a> Scene<'a> {
     pub(super) fn room_of(&self, item: usize) -> Option<&'a Room> {
         let item = &self.items[item];
         match item.object.room {
-            Some(room) => self.map.find_room(room),
+            Some(room) => self.room_places.get(&room).map(|place| &self.map.rooms[*place]),
             None => self.map.rooms.iter().find(|room| polygon_contains(&room.polygon, &item.bounds.center().xy())),
         }
     }

@@ -85,11 +85,12 @@ impl EmbeddedVerifier {
 
     /// Share of the candidate's pixels that look like the colour; `None` when it is not seen.
     fn color_share(&self, views: &CandidateViews, asked: &str) -> Option<f32> {
+        let prototypes = color::Prototypes::of(self.knowledge.words());
         let own = views.object.labels.iter().zip(&views.object.color).filter(|(label, _)| **label == 1);
         let (mut fitting, mut all) = (0_usize, 0_usize);
         for (_, pixel) in own {
             all += 1;
-            fitting += usize::from(color::fit(self.knowledge.words(), asked, pixel.map(f64::from)) > PIXEL_FIT);
+            fitting += usize::from(prototypes.fit(asked, pixel.map(f64::from)) > PIXEL_FIT);
         }
         (all >= SEEN_PIXELS).then(|| fitting as f32 / all as f32)
     }

@@ -35,7 +35,7 @@ pub enum Levels {
 /// What can be seen of a candidate. Labels are positions in `shown` + 1.
 #[derive(Clone, Debug)]
 pub struct CandidateViews {
-    /// Objects by label - 1; the candidate is the first.
+    /// Objects by label - 1; the candidate is the first. Only those that are shown at the levels that were asked for.
     pub shown: Vec<ObjectId>,
     /// Object level: the candidate fills the view.
     pub object: Image,
@@ -69,23 +69,22 @@ impl CandidateViews {
         });
         let reach = own.grown(PLACE_REACH_M);
         let others = map.stable_objects().filter(|object| object.id != candidate.id);
-        let (near, far): (Vec<&MapObject>, Vec<&MapObject>) =
-            others.partition(|object| reach.find_intersection(&object.bounds.aabb()).is_some());
+        let (near, far): (Vec<&MapObject>, Vec<&MapObject>) = others.partition(|object| reaches(&reach, object));
         let mut shown = vec![candidate];
         shown.extend(near);
         let close = scene_of(&shown, MAX_POINTS);
         let eye_side = best_side(&scene_of(&shown, MAX_SIDE_POINTS), &own, renderer);
         let object = view(&close, &own, eye_side, renderer);
         let place = view(&close, &around, eye_side, renderer);
+        if levels == Levels::Near {
+            let shown = shown.iter().map(|object| object.id).collect();
+            return Some(Self { shown, object, place, scene: Image::default() });
+        }
         let all = [&shown[..], &far[..]].concat();
         let bounds = all.iter().fold(own, |b, object| {
             let other = object.bounds.aabb();
             Aabb { min: b.min.inf(&other.min), max: b.max.sup(&other.max) }
         });
-        if levels == Levels::Near {
-            let shown = all.iter().map(|object| object.id).collect();
-            return Some(Self { shown, object, place, scene: Image::default() });
-        }
         let from_above = Vector3::new(0.25, 0.0, 1.0).normalize();
         let scene = view(&scene_of(&all, MAX_SCENE_POINTS), &bounds, from_above, renderer);
         Some(Self { shown: all.iter().map(|object| object.id).collect(), object, place, scene })
@@ -96,6 +95,14 @@ impl CandidateViews {
         let label = self.shown.iter().position(|shown| *shown == id).map(|i| i as u32 + 1);
         label.map_or(0, |label| view.labels.iter().filter(|seen| **seen == label).count())
     }
+}
+
+/// Whether the box around an object meets `reach`. Most of a large map lies farther away than the object's diagonal, which
+/// is told without turning its corners.
+fn reaches(reach: &Aabb, object: &MapObject) -> bool {
+    let (center, diagonal_m) = (object.bounds.center, object.bounds.size.norm());
+    let apart = |i: usize| center[i] + diagonal_m < reach.min[i] || center[i] - diagonal_m > reach.max[i];
+    !(0..3).any(apart) && reach.find_intersection(&object.bounds.aabb()).is_some()
 }
 
 /// The first object with at most the first number of points, the others with the second.

@@ -5,7 +5,6 @@ use crate::ground::parse::{Attachment, parse_query};
 use crate::ground::words::tokens_of;
 use crate::ground::{Action, Article, Command, Entity, Noun, RelationTerm, Unparsed, parse_command};
 use crate::knowledge::Knowledge;
-use crate::map::Map;
 
 /// The sentences of the apartment's episodes.
 const EPISODES: &[(&str, Action, &str, &str)] = &[
@@ -150,7 +149,7 @@ fn parse(text: &str) -> Result<Command, Unparsed> {
 
 fn check(cases: &[(&str, Action, &str, &str)]) {
     let knowledge = Knowledge::embedded().unwrap();
-    let names = Names::of(&Map::new(0.05), false);
+    let names = Names::of([].into_iter(), false);
     let understood = |words: &str| {
         let query = parse_query(&tokens_of(words), &knowledge, &names, Attachment::Nearest);
         query.map_or(String::new(), |query| brief(&query.target))
