@@ -1,5 +1,5 @@
-//! Contract: a map answers over HTTP and as an MCP server over stdio, the same either way; what is asked is bounded, and
-//! nothing can be changed.
+//! Contract: a map answers over HTTP and as an MCP server over stdio, the same either way; what is asked is bounded,
+//! nothing can be changed, and no client keeps others from their answers.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot prepare its map fails")]
 
@@ -87,6 +87,75 @@ fn a_map_answers_over_http() {
     server.kill().unwrap();
     server.wait().unwrap();
     assert!(before == fs::read(map()).unwrap(), "the map was changed");
+}
+
+/// What comes back for these bytes, until the server closes.
+fn say(address: &str, bytes: &[u8]) -> String {
+    let mut stream = TcpStream::connect(address).unwrap();
+    // The server may close before it has all.
+    let _ = stream.write_all(bytes);
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+/// `tiny_http`, which served maps at first, waited for the rest of a request for ever: one client that sent half of it
+/// kept all others from their answers.
+#[test]
+fn hostile_clients_keep_nobody_from_an_answer() {
+    let mut server = serve(&["--port", "0", "--patience-s", "3"]);
+    let mut line = String::new();
+    BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let address = line.trim().trim_start_matches("http://").trim_end_matches('/').to_owned();
+    let slow = |half: &str| {
+        let mut stream = TcpStream::connect(&address).unwrap();
+        stream.write_all(half.as_bytes()).unwrap();
+        stream
+    };
+    // Half a head, a body that never comes, nothing at all.
+    let waiting = ["GET /summary HT", "POST /ground HTTP/1.1\r\nContent-Length: 100\r\n\r\n{", ""].map(slow);
+    assert_eq!(ask(&address, "GET", "/summary", "").0, 200);
+    for mut stream in waiting {
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 408 "), "{answer}");
+    }
+    // More clients than there are seats: the last ones are told, and the seats become free again.
+    let crowd: Vec<TcpStream> = (0..40).map(|_| TcpStream::connect(&address).unwrap()).collect();
+    let answers = crowd.into_iter().map(|mut stream| {
+        let mut answer = String::new();
+        let _ = stream.read_to_string(&mut answer);
+        answer
+    });
+    let codes: Vec<String> = answers.map(|answer| answer.chars().skip(9).take(3).collect()).collect();
+    let count = |code: &str| codes.iter().filter(|found| *found == code).count();
+    // The seat of the last question may be free a moment later than its answer.
+    assert!((30..=32).contains(&count("408")) && count("408") + count("503") == 40, "{codes:?}");
+    assert_eq!(ask(&address, "GET", "/summary", "").0, 200);
+    // What is no request, too long, or not meant for this machine.
+    let post = |headers: &str, body: &str| format!("POST /ground HTTP/1.1\r\n{headers}\r\n\r\n{body}");
+    let deep = "[".repeat(16_000);
+    for (bytes, code) in [
+        ("\u{1}\u{2}nonsense\r\n\r\n".to_owned(), 400),
+        (format!("GET /{} HTTP/1.1\r\n\r\n", "a".repeat(100_000)), 431),
+        (format!("GET / HTTP/1.1\r\n{}\r\n", "A: b\r\n".repeat(100)), 431),
+        (post("Content-Length: 1000000000000", ""), 413),
+        (post("Content-Length: 99999999999999999999999", ""), 400),
+        (post("Content-Length: -1", ""), 400),
+        (post("Transfer-Encoding: chunked", "5\r\nhello\r\n0\r\n\r\n"), 411),
+        (post("Content-Length: 16000", &deep), 400),
+        (post("Content-Length: 4", "\u{fffd}\u{fffd}"), 400),
+        ("GET /summary HTTP/1.1\r\nHost: map.example.com\r\n\r\n".to_owned(), 403),
+        ("BREW /summary HTTP/1.1\r\n\r\n".to_owned(), 405),
+    ] {
+        let answer = say(&address, bytes.as_bytes());
+        let shown: String = bytes.chars().take(60).collect();
+        assert!(answer.starts_with(&format!("HTTP/1.1 {code} ")), "{shown:?}: {answer}");
+    }
+    let head = say(&address, b"HEAD /summary HTTP/1.1\r\n\r\n");
+    assert!(head.starts_with("HTTP/1.1 200 ") && head.ends_with("\r\n\r\n"), "{head}");
+    server.kill().unwrap();
+    server.wait().unwrap();
 }
 
 #[test]

@@ -19,6 +19,7 @@ mod robot;
 mod run;
 mod scene;
 mod serve;
+mod serve_http;
 mod suite;
 mod suite_done;
 mod suite_result;

@@ -1,16 +1,15 @@
 //! `dsm serve-map MAP`: answer questions about a map over HTTP on this machine, or as an MCP server over stdio.
 
 use super::output::print;
+use super::serve_http::{Answer, Asked, serve};
 use crate::error::TaskError;
 use crate::map_server::{MapServer, QUESTIONS, Refusal};
 use serde_json::{Map, Value, json};
-use std::io::{BufRead, Cursor, Read, Write};
-use std::net::Ipv4Addr;
+use std::io::{BufRead, Read, Write};
+use std::net::{Ipv4Addr, TcpListener};
 use std::path::PathBuf;
-use tiny_http::{Header, Method, Request, Response, Server};
+use std::time::Duration;
 
-/// Longest body of a request, bytes.
-const LONGEST_BODY: u64 = 16 << 10;
 /// Longest line of an MCP client, bytes.
 const LONGEST_LINE: u64 = 64 << 10;
 /// The revision of MCP that is spoken.
@@ -24,6 +23,9 @@ pub struct ServeArgs {
     /// Port of this machine (127.0.0.1); 0 takes a free one.
     #[arg(long, default_value_t = 8360)]
     port: u16,
+    /// Wall time that a client gets for its request, for the answer to be found, and to take it, seconds, 0.1 to 600.
+    #[arg(long, default_value_t = 5.0, value_parser = parse_patience, conflicts_with = "mcp")]
+    patience_s: f64,
     /// Speak MCP over stdin and stdout instead: the questions are tools.
     #[arg(long, conflicts_with = "port")]
     mcp: bool,
@@ -35,56 +37,33 @@ pub(super) fn run(args: ServeArgs) -> anyhow::Result<u8> {
     if args.mcp {
         return speak_mcp(&map);
     }
-    let refused = |why: &dyn std::fmt::Display| {
-        TaskError::Usage(format!("--port: 127.0.0.1:{} cannot be used: {why}", args.port))
-    };
-    let server = Server::http((Ipv4Addr::LOCALHOST, args.port)).map_err(|e| refused(&e))?;
-    let port = server.server_addr().to_ip().ok_or_else(|| refused(&"it has no address"))?.port();
-    print(&format!("http://127.0.0.1:{port}/"))?;
-    while let Ok(request) = server.recv() {
-        respond(request, &map);
-    }
+    let refused =
+        |why: std::io::Error| TaskError::Usage(format!("--port: 127.0.0.1:{} cannot be used: {why}", args.port));
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, args.port)).map_err(refused)?;
+    print(&format!("http://127.0.0.1:{}/", listener.local_addr()?.port()))?;
+    serve(&listener, Duration::from_secs_f64(args.patience_s), move |asked| respond(asked, &map))?;
     Ok(0)
 }
 
-/// Answers one request. A client that went away is no trouble.
-fn respond(mut request: Request, map: &MapServer) {
-    let url = request.url().to_owned();
-    let (path, query) = url.split_once('?').unwrap_or((&url, ""));
-    let parameters = match request.method() {
-        Method::Get | Method::Head => Ok(parse_query(query)),
-        Method::Post => read_body(&mut request),
-        _ => Err((405, "only GET, HEAD and POST; nothing can be changed".to_owned())),
-    };
-    let (code, answer) = match (parameters, path.trim_matches('/')) {
-        (Err((code, why)), _) => (code, json!({"error": why})),
+fn respond(asked: &Asked, map: &MapServer) -> Answer {
+    let (path, query) = asked.url.split_once('?').unwrap_or((&asked.url, ""));
+    let parameters = if asked.method == "POST" { parse_body(&asked.body) } else { Ok(parse_query(query)) };
+    match (parameters, path.trim_matches('/')) {
+        (Err(why), _) => (400, json!({"error": why})),
         (Ok(_), "") => (200, describe()),
         (Ok(parameters), question) => match map.answer(question, &parameters) {
             Ok(answer) => (200, answer),
             Err(Refusal::Bad(why)) => (400, json!({"error": why})),
             Err(Refusal::Unknown(why)) => (404, json!({"error": why})),
         },
-    };
-    let body = format!("{answer}\n").into_bytes();
-    let length = body.len();
-    let header = |name: &str, value: &str| Header::from_bytes(name, value).ok();
-    let headers = [header("Content-Type", "application/json"), header("Cache-Control", "no-store")];
-    let headers = headers.into_iter().flatten().collect();
-    let response = Response::new(code.into(), headers, Cursor::new(body), Some(length), None);
-    let _ = request.respond(response.with_chunked_threshold(usize::MAX));
+    }
 }
 
-fn read_body(request: &mut Request) -> Result<Map<String, Value>, (u16, String)> {
-    let mut text = String::new();
-    let read = request.as_reader().take(LONGEST_BODY + 1).read_to_string(&mut text);
-    read.map_err(|error| (400, error.to_string()))?;
-    if text.len() as u64 > LONGEST_BODY {
-        return Err((413, format!("at most {LONGEST_BODY} bytes")));
-    }
-    if text.trim().is_empty() {
+fn parse_body(body: &[u8]) -> Result<Map<String, Value>, String> {
+    if body.trim_ascii().is_empty() {
         return Ok(Map::new());
     }
-    serde_json::from_str(&text).map_err(|error| (400, format!("expected a JSON object: {error}")))
+    serde_json::from_slice(body).map_err(|error| format!("expected a JSON object: {error}"))
 }
 
 /// `a=b&c=d` with `+` and `%41`.
@@ -188,4 +167,9 @@ fn tool(question: &crate::map_server::Question) -> Value {
     json!({"name": question.name, "description": question.about,
         "inputSchema": {"type": "object", "properties": properties, "required": required, "additionalProperties": false},
         "annotations": {"readOnlyHint": true}})
+}
+
+fn parse_patience(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "expected a number of seconds".to_owned())?;
+    if (0.1..=600.0).contains(&seconds) { Ok(seconds) } else { Err("expected 0.1 to 600 seconds".into()) }
 }
