@@ -7,7 +7,7 @@ use crate::deferred::Deferred;
 use crate::error::TaskError;
 pub use crate::gaze::Gaze;
 use crate::gaze::View;
-use crate::journal::{Journal, Moment};
+use crate::journal::{Journal, Moment, SentCommands};
 use crate::pace::{Pace, Posture};
 use crate::perception::Perception;
 use crate::touch::{Motion, Touch};
@@ -183,24 +183,24 @@ impl Agent {
         // Command.
         let head = self.head_velocities()?;
         let share = self.share_of(base, arm)?;
-        let sent_base = self.robot.base().command(scaled(base, share))?;
-        let sent_arm = if share < 1.0 {
-            let mut arm = arm.clone();
+        let base = self.robot.base().command(scaled(base, share))?;
+        let mut arm = arm.clone();
+        if share < 1.0 {
             arm.values_mut().iter_mut().for_each(|velocity| *velocity *= share);
-            self.robot.arm().command(&arm)?
-        } else {
-            self.robot.arm().command(arm)?
-        };
-        self.robot.head().command(&head)?;
-        if let Some((width_m, force_n)) = self.grip {
-            self.robot.gripper().command(width_m, force_n)?;
         }
+        let arm = self.robot.arm().command(&arm)?;
+        let head = self.robot.head().command(&head)?;
+        let gripper = match self.grip {
+            Some((width_m, force_n)) => Some(self.robot.gripper().command(width_m, force_n)?),
+            None => None,
+        };
+        self.journal.note_commands(SentCommands { stamp: now, base, arm: arm.clone(), head, gripper });
         // Let time pass.
         self.robot.clock().wait_until(now + self.config.period)?;
         (self.on_tick)();
         // Feel.
         let measured = Motion { base: self.robot.base().velocity()?, arm: self.robot.arm().state()?.velocities };
-        self.touch.note(&Motion { base: sent_base, arm: sent_arm }, &measured, self.config.period.as_s());
+        self.touch.note(&Motion { base, arm }, &measured, self.config.period.as_s());
         // Look.
         for i in 0..self.watched.len() {
             if let Some(frame) = self.robot.cameras().read(&self.watched[i])? {

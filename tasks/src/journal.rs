@@ -5,6 +5,8 @@ use dsm::Pose;
 use dsm::frame::RgbdFrame;
 use dsm::map::{CellState, FreeSpace, Map};
 use dsm::time::{Span, Stamp};
+use dsm_robot::drivers::Twist;
+use dsm_robot::joints::JointVelocities;
 use nalgebra::Point2;
 use std::sync::Arc;
 
@@ -41,6 +43,21 @@ pub struct ControlSample {
     pub active_rows: usize,
 }
 
+/// What was sent to the robot in one control period.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SentCommands {
+    /// When.
+    pub stamp: Stamp,
+    /// To the base.
+    pub base: Twist,
+    /// To the arm.
+    pub arm: JointVelocities,
+    /// To the head.
+    pub head: JointVelocities,
+    /// To the gripper: width in metres, greatest force in newtons.
+    pub gripper: Option<(f64, f64)>,
+}
+
 /// Clearance is looked for this far from the base's centre, metres.
 pub const FARTHEST_M: f64 = 1.25;
 /// One sample in so much simulated time.
@@ -51,6 +68,10 @@ const SAMPLE_EVERY: Span = Span(100_000_000);
 pub struct Journal {
     /// Where the base was, world frame, one point a frame.
     pub path: Vec<Point2<f64>>,
+    /// Where the base was when a camera took a frame.
+    pub bases: Vec<(Stamp, Pose)>,
+    /// Commands, where they are kept; one that repeats the one before is left out.
+    pub commands: Option<Vec<SentCommands>>,
     /// Poses of the head camera, one a frame.
     pub views: Vec<Pose>,
     /// Events in order.
@@ -80,6 +101,7 @@ pub struct Moment<'a> {
 impl Journal {
     /// Notes a frame that was taken.
     pub fn note_frame(&mut self, frame: &RgbdFrame, world_from_base: &Pose) {
+        self.bases.push((frame.stamp, *world_from_base));
         if &*frame.camera == "head" {
             self.path.push(Point2::from(world_from_base.translation.vector.xy()));
             self.views.push(frame.world_from_camera);
@@ -90,6 +112,15 @@ impl Journal {
     pub fn note_learned(&mut self, learned: &Learned) {
         self.frames_learned += 1;
         self.detections += learned.detections.items.len();
+    }
+
+    /// Notes what was sent, if that is kept.
+    pub fn note_commands(&mut self, sent: SentCommands) {
+        let Some(commands) = &mut self.commands else { return };
+        let same = |last: &SentCommands| *last == SentCommands { stamp: last.stamp, ..sent.clone() };
+        if !commands.last().is_some_and(same) {
+            commands.push(sent);
+        }
     }
 
     /// Whether a sample is due.

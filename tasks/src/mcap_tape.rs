@@ -1,23 +1,34 @@
-//! MCAP with Foxglove's schemas (as JSON) of what mapping sees and does.
+//! MCAP with Foxglove's schemas (as JSON) of what a run sees and does. Where Foxglove has no schema the name begins with
+//! `dsm.`; viewers plot and list these as any message.
 //!
 //! | topic | schema | what |
 //! |---|---|---|
 //! | `/camera/NAME/color`, `/camera/NAME/depth` | `foxglove.CompressedImage` | PNG; depth in millimetres, 16 bits |
 //! | `/camera/NAME/calibration` | `foxglove.CameraCalibration` | intrinsics |
 //! | `/camera/NAME/detections` | `foxglove.ImageAnnotations` | bounds, names and scores |
+//! | `/camera/NAME/associations` | `dsm.Associations` | which detection was taken for which object |
 //! | `/tf` | `foxglove.FrameTransform` | camera in `world` |
-//! | `/base` | `foxglove.PoseInFrame` | where the base stands |
 //! | `/map` | `foxglove.SceneUpdate` | objects that a frame added, changed or removed |
+//! | `/base` | `foxglove.PoseInFrame` | where the base stood when a frame was taken |
+//! | `/path` | `foxglove.PosesInFrame` | the whole way of the base |
+//! | `/command/base`, `/command/gripper` | `dsm.BaseCommand`, `dsm.GripperCommand` | what was sent, when it changed |
+//! | `/command/arm`, `/command/head` | `foxglove.JointStates` | velocities sent, when they changed |
+//! | `/margins` | `dsm.Margins` | clearance, speed, and how the arm's controller stands; ten times a second |
+//! | `/log` | `foxglove.Log` | events |
+//!
+//! The last five are written when the run has ended, by their own stamps: what two threads note is in one order.
 
 use crate::error::TaskError;
+use crate::journal::{Journal, SentCommands};
 use crate::perception::{Tape, Taped};
 use crate::picture::{color_png, depth_mm_png};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use dsm::Pose;
-use dsm::map::{Map, MapChange, MapObject, ObjectState};
+use dsm::map::{Map, MapChange, MapObject, ObjectId, ObjectState};
 use dsm::store::StoreError;
 use dsm::time::Stamp;
+use dsm_robot::joints::JointVelocities;
 use mcap::Writer;
 use mcap::records::MessageHeader;
 use serde_json::{Value, json};
@@ -25,27 +36,39 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, Sender, channel};
 
-/// Records into an MCAP file.
-pub struct McapTape {
+/// An MCAP file that is being written.
+struct McapFile {
     path: PathBuf,
     writer: Writer<BufWriter<File>>,
     channels: BTreeMap<String, u16>,
     sequence: u32,
 }
 
-impl McapTape {
-    /// Creates the file.
-    ///
-    /// # Errors
-    /// [`TaskError::Store`]: it cannot be written.
-    pub fn create(path: &Path) -> Result<Self, TaskError> {
-        let io = |source| StoreError::Io { path: path.to_owned(), source };
-        let file = File::create(path).map_err(io)?;
-        let writer = Writer::new(BufWriter::new(file)).map_err(|error| io(std::io::Error::other(error)))?;
-        Ok(Self { path: path.to_owned(), writer, channels: BTreeMap::new(), sequence: 0 })
-    }
+/// Records what mapping does.
+pub struct McapTape {
+    file: McapFile,
+    ended: Sender<McapFile>,
+}
 
+/// What remains to be written of a file when its tape has ended.
+pub struct McapRest(Receiver<McapFile>);
+
+/// Creates a file.
+///
+/// # Errors
+/// [`TaskError::Store`]: it cannot be written.
+pub fn create(path: &Path) -> Result<(McapTape, McapRest), TaskError> {
+    let io = |source| StoreError::Io { path: path.to_owned(), source };
+    let file = File::create(path).map_err(io)?;
+    let writer = Writer::new(BufWriter::new(file)).map_err(|error| io(std::io::Error::other(error)))?;
+    let file = McapFile { path: path.to_owned(), writer, channels: BTreeMap::new(), sequence: 0 };
+    let (ended, rest) = channel();
+    Ok((McapTape { file, ended }, McapRest(rest)))
+}
+
+impl McapFile {
     fn write(&mut self, topic: &str, schema: &str, stamp: Stamp, message: &Value) -> Result<(), StoreError> {
         self.try_write(topic, schema, stamp, message)
             .map_err(|error| StoreError::Io { path: self.path.clone(), source: std::io::Error::other(error) })
@@ -71,13 +94,14 @@ impl McapTape {
 
 impl Tape for McapTape {
     fn record(&mut self, taped: &Taped<'_>) -> Result<(), StoreError> {
-        let Taped { frame, detections, carrier, update, map } = taped;
+        let Taped { frame, detections, associations, update, map, .. } = taped;
+        let file = &mut self.file;
         let (stamp, model) = (frame.stamp, &frame.model);
         let (camera, timestamp) = (format!("{}_camera", frame.camera), time(stamp));
         let topic = |what: &str| format!("/camera/{}/{what}", frame.camera);
         let image = |png: Vec<u8>| json!({"timestamp": timestamp, "frame_id": camera, "format": "png", "data": STANDARD.encode(png)});
-        self.write(&topic("color"), "foxglove.CompressedImage", stamp, &image(color_png(frame)))?;
-        self.write(&topic("depth"), "foxglove.CompressedImage", stamp, &image(depth_mm_png(frame)))?;
+        file.write(&topic("color"), "foxglove.CompressedImage", stamp, &image(color_png(frame)))?;
+        file.write(&topic("depth"), "foxglove.CompressedImage", stamp, &image(depth_mm_png(frame)))?;
         // Foxglove counts pixels from the middle of the first.
         let (cx, cy) = (model.cx - 0.5, model.cy - 0.5);
         let calibration = json!({
@@ -87,7 +111,7 @@ impl Tape for McapTape {
             "R": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
             "P": [model.fx, 0.0, cx, 0.0, 0.0, model.fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
         });
-        self.write(&topic("calibration"), "foxglove.CameraCalibration", stamp, &calibration)?;
+        file.write(&topic("calibration"), "foxglove.CameraCalibration", stamp, &calibration)?;
         let (mut rectangles, mut texts) = (Vec::new(), Vec::new());
         for item in &detections.items {
             let Some((left, top, right, bottom)) = item.mask.find_bounds() else { continue };
@@ -102,17 +126,18 @@ impl Tape for McapTape {
             );
         }
         let annotations = json!({"circles": [], "points": rectangles, "texts": texts});
-        self.write(&topic("detections"), "foxglove.ImageAnnotations", stamp, &annotations)?;
+        file.write(&topic("detections"), "foxglove.ImageAnnotations", stamp, &annotations)?;
         let Pose { translation, rotation } = frame.world_from_camera;
         let transform = json!({"timestamp": timestamp, "parent_frame_id": "world", "child_frame_id": camera,
             "translation": vector(translation.vector.into()), "rotation": quaternion(rotation.coords.into())});
-        self.write("/tf", "foxglove.FrameTransform", stamp, &transform)?;
-        if let Some((place, _)) = carrier.footprint {
-            let pose =
-                json!({"position": vector([place.x, place.y, 0.0]), "orientation": quaternion([0.0, 0.0, 0.0, 1.0])});
-            let base = json!({"timestamp": timestamp, "frame_id": "world", "pose": pose});
-            self.write("/base", "foxglove.PoseInFrame", stamp, &base)?;
-        }
+        file.write("/tf", "foxglove.FrameTransform", stamp, &transform)?;
+        let named = |(place, object): &(usize, ObjectId)| {
+            let name = detections.items.get(*place).map_or("", |item| item.name.as_str());
+            json!({"detection": place, "name": name, "object": object.0})
+        };
+        let items: Vec<Value> = associations.iter().map(named).collect();
+        let taken = json!({"timestamp": timestamp, "frame_id": camera, "items": items});
+        file.write(&topic("associations"), "dsm.Associations", stamp, &taken)?;
         let (mut entities, mut deletions) = (BTreeMap::new(), Vec::new());
         for change in &update.changes {
             match change {
@@ -129,13 +154,82 @@ impl Tape for McapTape {
             return Ok(());
         }
         let entities: Vec<Value> = entities.into_values().collect();
-        self.write("/map", "foxglove.SceneUpdate", stamp, &json!({"deletions": deletions, "entities": entities}))
+        file.write("/map", "foxglove.SceneUpdate", stamp, &json!({"deletions": deletions, "entities": entities}))
     }
 
-    fn finish(mut self: Box<Self>, _: &Map) -> Result<(), StoreError> {
-        let finished = self.writer.finish();
-        finished.map(drop).map_err(|error| StoreError::Io { path: self.path, source: std::io::Error::other(error) })
+    fn finish(self: Box<Self>, _: &Map) -> Result<(), StoreError> {
+        // Nobody waits for it when the run failed.
+        let _ = self.ended.send(self.file);
+        Ok(())
     }
+}
+
+impl McapRest {
+    /// Writes what the robot noted, and closes the file.
+    ///
+    /// # Errors
+    /// [`TaskError`]: it cannot be written, or its tape did not end.
+    pub fn write(self, journal: &Journal) -> Result<(), TaskError> {
+        let mut file = self.0.recv().map_err(|_| TaskError::Internal("the recording broke off".into()))?;
+        let pose = |pose: &Pose| json!({"position": vector(pose.translation.vector.into()), "orientation": quaternion(pose.rotation.coords.into())});
+        for (stamp, base) in &journal.bases {
+            let message = json!({"timestamp": time(*stamp), "frame_id": "world", "pose": pose(base)});
+            file.write("/base", "foxglove.PoseInFrame", *stamp, &message)?;
+        }
+        if let Some((stamp, _)) = journal.bases.last() {
+            let poses: Vec<Value> = journal.bases.iter().map(|(_, base)| pose(base)).collect();
+            let message = json!({"timestamp": time(*stamp), "frame_id": "world", "poses": poses});
+            file.write("/path", "foxglove.PosesInFrame", *stamp, &message)?;
+        }
+        write_commands(&mut file, journal.commands.as_deref().unwrap_or_default())?;
+        for sample in &journal.samples {
+            let control = sample.control;
+            let message = json!({"timestamp": time(sample.stamp), "clearance_m": sample.clearance_m,
+                "speed_m_per_s": sample.speed_m_per_s, "control_error": control.map(|c| c.error),
+                "control_distance_m": control.and_then(|c| c.distance_m),
+                "active_rows": control.map(|c| c.active_rows)});
+            file.write("/margins", "dsm.Margins", sample.stamp, &message)?;
+        }
+        for event in &journal.events {
+            const INFO: u8 = 2;
+            let stamp = Stamp::from_s(event.at_s);
+            let message = json!({"timestamp": time(stamp), "level": INFO, "message": event.what, "name": "dsm",
+                "file": "", "line": 0});
+            file.write("/log", "foxglove.Log", stamp, &message)?;
+        }
+        let finished = file.writer.finish().map(drop);
+        finished.map_err(|error| StoreError::Io { path: file.path, source: std::io::Error::other(error) }.into())
+    }
+}
+
+/// What was sent to each part, when it changed.
+fn write_commands(file: &mut McapFile, commands: &[SentCommands]) -> Result<(), StoreError> {
+    let joints = |sent: &SentCommands, velocities: &JointVelocities| {
+        let joints: Vec<Value> =
+            velocities.iter().map(|(name, velocity)| json!({"name": name, "velocity": velocity})).collect();
+        json!({"timestamp": time(sent.stamp), "joints": joints})
+    };
+    for (index, sent) in commands.iter().enumerate() {
+        let before = index.checked_sub(1).map(|before| &commands[before]);
+        if before.is_none_or(|before| before.base != sent.base) {
+            let message = json!({"timestamp": time(sent.stamp), "forward_m_per_s": sent.base.forward_m_per_s,
+                "turn_rad_per_s": sent.base.turn_rad_per_s});
+            file.write("/command/base", "dsm.BaseCommand", sent.stamp, &message)?;
+        }
+        if before.is_none_or(|before| before.arm != sent.arm) {
+            file.write("/command/arm", "foxglove.JointStates", sent.stamp, &joints(sent, &sent.arm))?;
+        }
+        if before.is_none_or(|before| before.head != sent.head) {
+            file.write("/command/head", "foxglove.JointStates", sent.stamp, &joints(sent, &sent.head))?;
+        }
+        if let Some((width_m, force_n)) = sent.gripper
+            && before.is_none_or(|before| before.gripper != sent.gripper)
+        {
+            let message = json!({"timestamp": time(sent.stamp), "width_m": width_m, "force_n": force_n});
+            file.write("/command/gripper", "dsm.GripperCommand", sent.stamp, &message)?;
+        }
+    }
+    Ok(())
 }
 
 fn entity(object: &MapObject, timestamp: &Value) -> Value {

@@ -6,7 +6,7 @@
 use crate::error::TaskError;
 use dsm::build::{Carrier, MapBuilder};
 use dsm::frame::RgbdFrame;
-use dsm::map::{Map, MapUpdate};
+use dsm::map::{Map, MapUpdate, ObjectId};
 use dsm::perceive::{Detections, Detector};
 use dsm::store::{MapLog, StoreError};
 use dsm::time::{Span, Stamp};
@@ -26,6 +26,8 @@ pub struct Taped<'a> {
     pub frame: &'a RgbdFrame,
     /// What was detected in it.
     pub detections: &'a Detections,
+    /// Which detections were taken for which objects; see [`MapBuilder::associations`].
+    pub associations: &'a [(usize, ObjectId)],
     /// Where the robot itself was.
     pub carrier: &'a Carrier,
     /// What of the map changed.
@@ -136,7 +138,8 @@ fn work(
         let kept = (!tapes.is_empty()).then(|| update.clone());
         map.apply(update);
         if let Some(update) = &kept {
-            let taped = Taped { frame: &frame, detections: &detections, carrier: &carrier, update, map: &map };
+            let (frame, detections, associations) = (&*frame, &detections, builder.associations());
+            let taped = Taped { frame, detections, associations, carrier: &carrier, update, map: &map };
             if let Err(error) = tapes.iter_mut().try_for_each(|tape| tape.record(&taped)) {
                 let _ = outbox.send(Err(error));
                 return Ok(());

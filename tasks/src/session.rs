@@ -73,6 +73,7 @@ impl Session {
     ) -> Result<Self, TaskError> {
         let Assembled { robot, model, detector, truth, judge } = assemble(spec)?;
         let knowledge = knowledge()?;
+        let is_taped = !tapes.is_empty();
         if let Some(path) = map_file {
             tapes.push(Box::new(MapLog::create(path, CELL_M)?));
         }
@@ -93,11 +94,13 @@ impl Session {
         let deadline = Stamp::from_s(spec.time_limit_s);
         let nav = nav_config(&model);
         let parts = Parts { robot, model, perception, map, deadline, interrupted, on_tick, on_frame };
+        let mut agent = Agent::new(parts, config);
+        agent.journal.commands = is_taped.then(Vec::new);
         Ok(Self {
             spec: spec.clone(),
             executor: Executor::new(nav.clone(), GraspSettings::default(), grounder()?, knowledge),
             nav,
-            agent: Agent::new(parts, config),
+            agent,
             judge,
             account: Account { steps: Vec::new(), failure: None, halt: None },
         })

@@ -18,9 +18,9 @@ use std::process::Command;
 #[test]
 fn the_mcap_file_of_a_run_holds_what_happened() {
     let bench = Bench::new();
-    let args = ["record", "episode.toml", "--time-limit-s", "6", "-o", "seq", "--mcap", "run.mcap"];
+    let args = ["record", "episode.toml", "--time-limit-s", "15", "-o", "seq", "--mcap", "run.mcap"];
     let output = bench.run(&args);
-    // Six seconds are not enough to grasp.
+    // Fifteen seconds are not enough to grasp.
     assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
     let shown = bench.run(&["map", "show", "seq/map.dsm", "--json"]).stdout;
     fs::write(bench.path().join("shown.json"), shown).unwrap();

@@ -83,6 +83,7 @@ pub struct MapBuilder {
     occupancy: Occupancy,
     rooms: RoomSegmenter,
     next_id: u64,
+    associations: Vec<(usize, ObjectId)>,
 }
 
 impl MapBuilder {
@@ -110,6 +111,7 @@ impl MapBuilder {
             occupancy: Occupancy::default(),
             rooms: RoomSegmenter::default(),
             next_id: 0,
+            associations: Vec::new(),
         }
     }
 
@@ -117,6 +119,13 @@ impl MapBuilder {
     /// map. Detections of another frame are ignored; free space is still updated.
     pub fn observe(&mut self, map: &Map, frame: &RgbdFrame, detections: &Detections, carrier: &Carrier) -> MapUpdate {
         self.observe_in_stages(map, frame, detections, carrier, &mut |_| {})
+    }
+
+    /// Which detections of the last frame were taken for which objects, as the detection's place in its list and the
+    /// object. Detections that are left out showed structure, too little, or two things at once.
+    /// An object may have been merged into another one by the same update.
+    pub fn associations(&self) -> &[(usize, ObjectId)] {
+        &self.associations
     }
 
     /// As [`Self::observe`]; `ended` is called after each stage, for whoever holds a clock.
@@ -128,6 +137,7 @@ impl MapBuilder {
         carrier: &Carrier,
         ended: &mut dyn FnMut(Stage),
     ) -> MapUpdate {
+        self.associations.clear();
         // A frame whose images do not fit its camera says nothing.
         let pixels = frame.model.pixel_count();
         if frame.color.len() != pixels || frame.depth_m.len() != pixels {
@@ -189,12 +199,13 @@ impl MapBuilder {
         detections
             .items
             .par_iter()
-            .filter_map(|detection| {
+            .enumerate()
+            .filter_map(|(place, detection)| {
                 if is_structure(&self.knowledge, &detection.name) {
                     return None;
                 }
                 let category = self.knowledge.find(&detection.name);
-                find_observation(&self.config, &self.encoders, frame, detection, carrier, category)
+                find_observation(&self.config, &self.encoders, frame, (place, detection), carrier, category)
             })
             .collect()
     }
@@ -302,21 +313,26 @@ impl MapBuilder {
         }
         // Each object for itself; then in order.
         let config = &self.config;
-        let fuse = |(observation, known): (Observation, Option<(Track, MapObject)>)| match known {
-            Some((mut track, mut object)) => {
-                track.fuse(config, &mut object, frame.stamp, observation);
-                Some((track, object, true))
+        let fuse = |(observation, known): (Observation, Option<(Track, MapObject)>)| {
+            let detection = observation.detection;
+            match known {
+                Some((mut track, mut object)) => {
+                    track.fuse(config, &mut object, frame.stamp, observation);
+                    Some((detection, track, object, true))
+                }
+                None => Track::start(config, frame.stamp, observation)
+                    .map(|(track, object)| (detection, track, object, false)),
             }
-            None => Track::start(config, frame.stamp, observation).map(|(track, object)| (track, object, false)),
         };
-        let fused: Vec<Option<(Track, MapObject, bool)>> = jobs.into_par_iter().map(fuse).collect();
+        let fused: Vec<Option<(usize, Track, MapObject, bool)>> = jobs.into_par_iter().map(fuse).collect();
         let mut touched = Vec::new();
-        for (track, mut object, is_known) in fused.into_iter().flatten() {
+        for (detection, track, mut object, is_known) in fused.into_iter().flatten() {
             if !is_known {
                 object.id = ObjectId(self.next_id);
                 self.next_id += 1;
             }
             touched.push(object.id);
+            self.associations.push((detection, object.id));
             self.tracks.put_back(object.id, track);
             draft.add(object);
         }

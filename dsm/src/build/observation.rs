@@ -29,6 +29,8 @@ const STACKED_SHARE: f64 = 0.05;
 /// One detection with its geometry and features; lives for one frame.
 #[derive(Clone, Debug)]
 pub(super) struct Observation {
+    /// Its detection's place in the frame's list.
+    pub(super) detection: usize,
     pub(super) name: String,
     /// Detector score, lowered with distance and at the image border: the weight of its votes.
     pub(super) weight: f32,
@@ -68,7 +70,7 @@ pub(super) fn find_observation(
     config: &BuildConfig,
     encoders: &Encoders,
     frame: &RgbdFrame,
-    detection: &Detection,
+    (place, detection): (usize, &Detection),
     carrier: &Carrier,
     category: Option<&Category>,
 ) -> Option<Observation> {
@@ -85,6 +87,7 @@ pub(super) fn find_observation(
     let object_view = ObjectView { frame, pixels: &pixels, name: &detection.name, extent_m: bounds.size() };
     let nearness = 1.0 / (1.0 + (depth / 3.0).powi(2)) as f32;
     Some(Observation {
+        detection: place,
         name: category.map_or(&detection.name, |category| &category.name).clone(),
         weight: detection.score.clamp(0.0, 1.0) * nearness * if mask.truncated { 0.5 } else { 1.0 },
         visual_feature: encoders.visual.encode(&object_view),

@@ -44,7 +44,7 @@ pub(super) fn run(args: ExploreArgs) -> anyhow::Result<u8> {
     let interrupted = catch_interrupt()?;
     let bar = progress_bar(spec.time_limit_s);
     let progress = Box::new(BarProgress { bar: bar.clone() });
-    let summary = run_and_write(&spec, &folder, Vec::new(), interrupted.clone(), progress)?;
+    let summary = run_and_write(&spec, &folder, interrupted.clone(), progress)?;
     bar.finish_and_clear();
     Output::new(args.result).give(&summary, || {
         let m = &summary.map;

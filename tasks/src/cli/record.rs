@@ -2,10 +2,11 @@
 
 use super::output::prepare_folder;
 use super::run::{
-    BarProgress, catch_interrupt, describe, exit_code, prepare, progress_bar, run_and_write, set_threads,
+    BarProgress, catch_interrupt, describe, exit_code, prepare, progress_bar, run_taped_and_write, set_threads,
 };
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::error::TaskError;
+use crate::journal::Journal;
 use crate::perception::Tape;
 use crate::sequence::SequenceRecorder;
 use std::path::{Path, PathBuf};
@@ -27,7 +28,8 @@ pub struct RecordArgs {
     /// Also keep depth as measured: the images round it to millimetres. A map of the sequence is then the run's own map.
     #[arg(long)]
     exact_depth: bool,
-    /// Also write an MCAP file with Foxglove's schemas: images, detections, poses, map. Needs the feature `mcap`.
+    /// Also write an MCAP file with Foxglove's schemas: images, detections, what they were taken for, poses, map,
+    /// commands, margins and events. Needs the feature `mcap`.
     #[arg(long, value_name = "FILE")]
     mcap: Option<PathBuf>,
     #[command(flatten)]
@@ -46,23 +48,36 @@ pub(super) fn run(args: RecordArgs) -> anyhow::Result<u8> {
     let folder = prepare_folder(&OutArgs { out: args.out, force: args.force }, &default)?;
     let source = format!("episode {} with seed {}", spec.name, spec.seed);
     let mut tapes: Vec<Box<dyn Tape>> = vec![Box::new(SequenceRecorder::begin(&folder, &source, args.exact_depth)?)];
-    tapes.extend(args.mcap.as_deref().map(mcap_tape).transpose()?);
+    let mut endings: Vec<Ending> = Vec::new();
+    if let Some(path) = &args.mcap {
+        let (tape, ending) = mcap_tape(path)?;
+        tapes.push(tape);
+        endings.push(ending);
+    }
     let interrupted = catch_interrupt()?;
     let bar = progress_bar(spec.time_limit_s);
     let progress = Box::new(BarProgress { bar: bar.clone() });
-    let summary = run_and_write(&spec, &folder, tapes, interrupted.clone(), progress)?;
+    let finished = run_taped_and_write(&spec, &folder, tapes, interrupted.clone(), progress)?;
+    for end in endings {
+        end(&finished.journal)?;
+    }
     bar.finish_and_clear();
+    let summary = finished.summary;
     Output::new(args.result).give(&summary, || describe(&summary, &folder))?;
     Ok(exit_code(&summary, interrupted.load(Ordering::Relaxed)))
 }
 
+/// Brings a recording to its end with what the robot noted itself.
+type Ending = Box<dyn FnOnce(&Journal) -> Result<(), TaskError>>;
+
 #[cfg(feature = "mcap")]
-fn mcap_tape(path: &Path) -> Result<Box<dyn Tape>, TaskError> {
-    Ok(Box::new(crate::mcap_tape::McapTape::create(path)?))
+fn mcap_tape(path: &Path) -> Result<(Box<dyn Tape>, Ending), TaskError> {
+    let (tape, rest) = crate::mcap_tape::create(path)?;
+    Ok((Box::new(tape), Box::new(move |journal| rest.write(journal))))
 }
 
 #[cfg(not(feature = "mcap"))]
-fn mcap_tape(_: &Path) -> Result<Box<dyn Tape>, TaskError> {
+fn mcap_tape(_: &Path) -> Result<(Box<dyn Tape>, Ending), TaskError> {
     Err(not_built_in())
 }
 

@@ -7,7 +7,7 @@ use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
 use crate::perception::Tape;
-use crate::run::{Progress, RunSpec, run_taped};
+use crate::run::{Finished, Progress, RunSpec, run_taped};
 use crate::settings::Settings;
 use crate::summary::Summary;
 use dsm::store::write_atomically;
@@ -65,7 +65,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<u8> {
         tracing::warn!("watch at {}", view.address);
         progress = view.watch(progress);
     }
-    let summary = run_and_write(&spec, &folder, Vec::new(), interrupted.clone(), progress)?;
+    let summary = run_and_write(&spec, &folder, interrupted.clone(), progress)?;
     bar.finish_and_clear();
     drop(view);
     Output::new(args.result).give(&summary, || describe(&summary, &folder))?;
@@ -96,10 +96,20 @@ pub fn prepare(file: &Path, world: &WorldArgs) -> Result<(RunSpec, Settings), Ta
 pub(super) fn run_and_write(
     spec: &RunSpec,
     folder: &Path,
-    tapes: Vec<Box<dyn Tape>>,
     interrupted: Arc<AtomicBool>,
     progress: Box<dyn Progress>,
 ) -> Result<Summary, TaskError> {
+    Ok(run_taped_and_write(spec, folder, Vec::new(), interrupted, progress)?.summary)
+}
+
+/// As [`run_and_write`]; `tapes` keep what the map is made of.
+pub(super) fn run_taped_and_write(
+    spec: &RunSpec,
+    folder: &Path,
+    tapes: Vec<Box<dyn Tape>>,
+    interrupted: Arc<AtomicBool>,
+    progress: Box<dyn Progress>,
+) -> Result<Finished, TaskError> {
     // Wall time is measured here, at the edge, and goes into timing.json alone.
     #[expect(clippy::disallowed_methods)]
     let begin = std::time::Instant::now();
@@ -115,7 +125,7 @@ pub(super) fn run_and_write(
     write_atomically(&folder.join("report.html"), crate::report::page(&finished, &timing(run_s)).as_bytes())?;
     write_atomically(&folder.join("summary.json"), to_json(&finished.summary)?.as_bytes())?;
     write_atomically(&folder.join("timing.json"), to_json(&timing(begin.elapsed().as_secs_f64()))?.as_bytes())?;
-    Ok(finished.summary)
+    Ok(finished)
 }
 
 /// Where results go when nothing is said: `out/<episode>-<seed>`.

@@ -242,7 +242,7 @@ fn run_one(
     let out = OutArgs { out: Some(own.clone()), force: true };
     let result = catch_unwind(AssertUnwindSafe(|| {
         let folder = super::output::prepare_folder(&out, Path::new("."))?;
-        run_and_write(spec, &folder, Vec::new(), interrupted.clone(), Box::new(Silent))
+        run_and_write(spec, &folder, interrupted.clone(), Box::new(Silent))
     }));
     match result {
         Ok(Ok(summary)) => {
