@@ -21,6 +21,9 @@ const GEAR_SOLIMP: [f64; 5] = [0.99, 0.999, 0.001, 0.5, 2.0];
 /// more; a jaw of 100 g alone would shoot at 1 m/s within one step of its motor's full force.
 const GEAR_S: f64 = 0.005;
 
+/// Principal moments that MuJoCo takes for none.
+const LEAST_MOMENT_KG_M2: f64 = 1e-14;
+
 /// Name of a link in the model.
 pub(crate) fn link_name(link: &str) -> String {
     format!("robot/{link}")
@@ -197,8 +200,8 @@ fn add_inertia(body: &mut MjsBody, inertial: &Inertial) {
     body.set_explicitinertial(true);
     body.set_mass(inertial.mass_kg);
     *body.ipos_mut() = pose.translation.vector.into();
-    // A point mass has no principal axes to be found.
-    if m.trace() > 0.0 {
+    // A point mass has no principal axes, and MuJoCo refuses what no body can have: small parts of a robot come with both.
+    if m.symmetric_eigenvalues().min() > LEAST_MOMENT_KG_M2 {
         *body.fullinertia_mut() = [m[(0, 0)], m[(1, 1)], m[(2, 2)], m[(0, 1)], m[(0, 2)], m[(1, 2)]];
     }
 }
