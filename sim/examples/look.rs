@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use dsm::Pose;
 use dsm::camera::CameraModel;
 use dsm_robot::model::RobotModel;
-use dsm_sim::camera::{CameraRig, LightDraw, NoiseKey, NoiseParameters, SensorModel, TrueImage, visuals_from_urdf};
+use dsm_sim::camera::{CameraRig, LightDraw, NoiseKey, NoiseParameters, SensorModel, TrueImage, robot_visuals};
 use dsm_sim::scene::SceneModel;
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use std::fs::File;
@@ -34,9 +34,7 @@ fn main() -> Result<()> {
     let model = SceneModel::load(Path::new(&scene))?;
     let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../robot/models/porter"));
     let robot = RobotModel::load(&folder)?;
-    let urdf = urdf_rs::read_file(folder.join(&robot.settings.urdf))?;
-    let names: Vec<String> = robot.kinematics.links.iter().map(|link| link.name.clone()).collect();
-    let visuals = visuals_from_urdf(&urdf, &names)?;
+    let visuals = robot_visuals(&robot.kinematics);
 
     let mut configuration = robot.kinematics.zero();
     configuration.apply(&robot.find_posture("carry").context("no posture `carry`")?);

@@ -13,9 +13,8 @@ mod sightings;
 mod surface;
 mod wander;
 
-use crate::camera::{CameraRig, LightDraw, NoiseKey, NoiseParameters, SensorModel, TrueImage, visuals_from_urdf};
+use crate::camera::{CameraRig, LightDraw, NoiseKey, NoiseParameters, SensorModel, TrueImage, robot_visuals};
 use crate::detect::{LabelIds, LabelImage, LabelSender, SimDetector, label_channel};
-use crate::physics::RobotBody;
 use crate::robot::CaptureRequest;
 use crate::scene::{SceneModel, Semantics, scene_file};
 use crate::world::imager::STREAM;
@@ -123,9 +122,7 @@ impl Replay {
     pub fn load(scene: &Path, robot: Arc<RobotModel>, perception: Perception, seed: u64) -> Result<Self, WorldError> {
         let model = SceneModel::load(scene)?;
         let semantics = Semantics::load(&scene_file(scene), &model)?;
-        let body = RobotBody::load(&robot)?;
-        let links: Vec<String> = robot.kinematics.links.iter().map(|link| link.name.clone()).collect();
-        let visuals = visuals_from_urdf(&body.urdf, &links)?;
+        let visuals = robot_visuals(&robot.kinematics);
         let rig = CameraRig::new(&model, &visuals, &LightDraw::new(seed))?;
         let sensor = match perception {
             Perception::Noisy => SensorModel::noisy(NoiseParameters::default())?,

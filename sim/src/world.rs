@@ -16,9 +16,7 @@ pub(crate) use placement::scene_bounds;
 pub(crate) use solids::{Column, Solids};
 pub(crate) use truth::FLOOR_TOP_M;
 
-use crate::camera::{
-    CameraError, CameraRig, LightDraw, NoiseError, NoiseParameters, SensorModel, VisualError, visuals_from_urdf,
-};
+use crate::camera::{CameraError, CameraRig, LightDraw, NoiseError, NoiseParameters, SensorModel, robot_visuals};
 pub use crate::detect::{DetectorPreset as Perception, LabelIds};
 use crate::detect::{SimDetector, label_channel};
 use crate::physics::{Engine, Physics, PhysicsConfig, PhysicsError, Rapier, RobotBody, RobotStart, settle_scene};
@@ -63,9 +61,6 @@ pub enum WorldError {
     /// The scene cannot be drawn.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// The robot cannot be drawn.
-    #[error(transparent)]
-    Visual(#[from] VisualError),
     /// The sensor model's parameters.
     #[error(transparent)]
     Noise(#[from] NoiseError),
@@ -163,13 +158,13 @@ impl World {
         let base = &robot.settings.base;
         let size_m = (base.footprint_radius_m, base.height_m);
         let start = choose_start(&model, &semantics, &solids, size_m, &config)?;
-        let body = RobotBody::load(&robot)?;
+        let body = RobotBody::of(&robot)?;
         let joints = robot
             .find_posture(START_POSTURE)
             .map_or_else(Vec::new, |posture| posture.iter().map(|(name, value)| (name.to_owned(), value)).collect());
         let start = RobotStart { x_m: start.x_m, y_m: start.y_m, yaw_rad: start.yaw_rad, joints };
         let physics = config.engine.build(&model, &body, &start)?;
-        let parts = connect(&model, &semantics, &robot, &body, physics, &config)?;
+        let parts = connect(&model, &semantics, &robot, physics, &config)?;
         Ok(Self { scene: model, semantics, solids, robot_height_m: base.height_m, parts })
     }
 
@@ -261,7 +256,6 @@ fn connect(
     model: &SceneModel,
     semantics: &Semantics,
     robot: &RobotModel,
-    body: &RobotBody,
     physics: Box<dyn Physics>,
     config: &WorldConfig,
 ) -> Result<WorldParts, WorldError> {
@@ -269,7 +263,7 @@ fn connect(
     let (labels, label_receiver) = label_channel(config.label_ids);
     let (view_sender, views) = channel();
     let (truth_sender, truth) = channel();
-    let visuals = visuals_from_urdf(&body.urdf, physics.link_names())?;
+    let visuals = robot_visuals(&robot.kinematics);
     let rig = CameraRig::new(model, &visuals, &LightDraw::new(seed))?;
     let (sensor, localisation) = match config.perception {
         Perception::Noisy => (SensorModel::noisy(NoiseParameters::default())?, LocalisationNoise::Noisy),

@@ -3,6 +3,7 @@
 
 use dsm::Pose;
 use dsm::camera::CameraModel;
+use dsm_robot::model::shapes::Geometry;
 use dsm_sim::camera::{
     CameraError, CameraRig, LightDraw, NoiseKey, NoiseParameters, ROBOT_LABEL, RobotVisual, SensorModel, TrueImage,
     label_of_body,
@@ -101,7 +102,7 @@ fn all_links_of_the_robot_share_one_label_and_links_without_a_pose_are_not_drawn
     let visual = |link| RobotVisual {
         link,
         link_from_shape: Pose::translation(0.0, 0.3, 0.0),
-        shape: SceneShape::Box { half_m: Vector3::repeat(0.1) },
+        geometry: Geometry::Box { size_m: Vector3::repeat(0.2) },
         rgba: [0.1, 0.1, 0.9, 1.0],
     };
     let mut rig = CameraRig::new(&model(), &[visual(0), visual(1)], &LightDraw::unchanged()).expect("sound scene");

@@ -389,9 +389,10 @@ impl Agent {
         Ok(self.robot.arm().state()?)
     }
 
-    /// Pan of the head, radians.
+    /// Pan of the head to the left, radians.
     pub fn pan_rad(&mut self) -> Result<f64, Halt> {
-        Ok(self.robot.head().state()?.positions.values().first().copied().unwrap_or(0.0))
+        let pan = self.robot.head().state()?.positions.values().first().copied().unwrap_or(0.0);
+        Ok(self.model.head_signs()[0] * pan)
     }
 
     /// All measured joints as one configuration of the model.

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector, Point3, Vector3};
 /// Where the head is to look.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Gaze {
-    /// Pan and tilt of the head, radians; positive tilt looks down.
+    /// Pan and tilt of the head, radians; positive pan looks to the left, positive tilt down.
     Angles {
         /// Pan.
         pan_rad: f64,
@@ -38,7 +38,12 @@ impl Gaze {
     pub(crate) fn velocities(&self, view: &View<'_>, gain_per_s: f64) -> JointVelocities {
         let group = &view.model.head;
         let towards = |pan_rad: f64, tilt_rad: f64| -> Vec<f64> {
-            [pan_rad, tilt_rad].iter().zip(view.head).map(|(goal, now)| gain_per_s * (goal - now)).collect()
+            let signs = view.model.head_signs();
+            [signs[0] * pan_rad, signs[1] * tilt_rad]
+                .iter()
+                .zip(view.head)
+                .map(|(goal, now)| gain_per_s * (goal - now))
+                .collect()
         };
         let velocities = match *self {
             Self::Angles { pan_rad, tilt_rad } => towards(pan_rad, tilt_rad),

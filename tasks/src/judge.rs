@@ -224,7 +224,7 @@ impl Judge {
             }
             ExpectationKind::Refused => {
                 let refused = steps.iter().any(|s| matches!(s.outcome, StepOutcome::Absent | StepOutcome::Ambiguous));
-                let touched = self.contacts().iter().any(|c| c.link.contains("gripper"));
+                let touched = self.contacts().iter().any(|c| self.hand.contains(&c.link));
                 let measured = format!("refused: {refused}; touched something: {touched}");
                 summary(e, refused && !touched, measured, "a refusal without touching anything".into())
             }
@@ -241,7 +241,7 @@ impl Judge {
             let center = map.find_object(chosen)?.bounds.center;
             let away_m = |object: &&TrueObject| (object.bounds.center - center).norm();
             let meant = first.objects.iter().min_by(|a, b| away_m(a).total_cmp(&away_m(b)))?;
-            let touched = |body: &str| self.contacts().iter().any(|c| c.body == body && c.link.starts_with("gripper"));
+            let touched = |body: &str| self.contacts().iter().any(|c| c.body == body && self.hand.contains(&c.link));
             if meant.body != target.body && !touched(&target.body) {
                 let near = |o: &dsm::map::MapObject| (o.bounds.center - target.bounds.center).norm() < MAPPED_WITHIN_M;
                 let mapped = map.stable_objects().any(near);

@@ -93,12 +93,13 @@ impl Session {
         let on_frame = Box::new(move |moment: &Moment<'_>| progress.borrow_mut().sees(moment));
         let deadline = Stamp::from_s(spec.time_limit_s);
         let nav = nav_config(&model);
+        let grasping = GraspSettings::for_robot(&model);
         let parts = Parts { robot, model, perception, map, deadline, interrupted, on_tick, on_frame };
         let mut agent = Agent::new(parts, config);
         agent.journal.commands = is_taped.then(Vec::new);
         Ok(Self {
             spec: spec.clone(),
-            executor: Executor::new(nav.clone(), GraspSettings::default(), grounder()?, knowledge),
+            executor: Executor::new(nav.clone(), grasping, grounder()?, knowledge),
             nav,
             agent,
             judge,
@@ -254,6 +255,11 @@ pub(crate) fn nav_config(model: &RobotModel) -> NavConfig {
     let base = &model.settings.base;
     let mut nav = NavConfig::default();
     nav.costmap.footprint_radius_m = base.footprint_radius_m;
+    if let (Some((_, camera)), Some(posture)) = (model.find_camera("head"), model.find_posture("carry")) {
+        let mut driving = model.kinematics.zero();
+        driving.apply(&posture);
+        nav.goal.camera_height_m = model.kinematics.root_from_link(&driving, camera).translation.z;
+    }
     nav.follower.max_speed_m_per_s = SHARE * base.max_speed_m_per_s;
     nav.follower.max_turn_rad_per_s = SHARE * base.max_turn_rate_rad_per_s;
     nav.follower.max_acceleration_m_per_s2 = SHARE * base.max_acceleration_m_per_s2;

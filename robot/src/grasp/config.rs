@@ -56,7 +56,7 @@ impl Default for HandConfig {
 }
 
 impl HandConfig {
-    /// The hand that `robot.toml` describes; wrist and camera, which it does not, as by default.
+    /// The hand that `robot.toml` describes.
     pub fn from_settings(gripper: &GripperSettings) -> Self {
         Self {
             max_aperture_m: gripper.max_aperture_m,
@@ -66,7 +66,8 @@ impl HandConfig {
             finger_thickness_m: gripper.finger_thickness_m,
             palm_width_m: gripper.palm_width_m,
             palm_thickness_m: gripper.palm_thickness_m,
-            ..Self::default()
+            wrist_length_m: gripper.wrist_length_m,
+            camera_offset_m: gripper.camera_offset_m,
         }
     }
 }

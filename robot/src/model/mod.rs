@@ -1,9 +1,9 @@
 //! The model of a robot: `robot.toml` and its URDF, forward kinematics, Jacobians, shapes and self-collision.
 //!
 //! ```text
-//! robot.toml ─┐
-//!             ├─▶ RobotModel ─▶ root_from_links, jacobian, collision distances
-//! robot.urdf ─┘
+//! robot.toml ───────────────┐
+//!                           ├─▶ RobotModel ─▶ root_from_links, jacobian, collision distances
+//! robot.urdf, attachments ──┘
 //! ```
 
 mod boxes;
@@ -22,6 +22,7 @@ pub use settings::RobotSettings;
 
 use crate::joints::{JointNames, JointPositions};
 use dsm::config::{ConfigError, find_nearest, line_of};
+use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
@@ -92,18 +93,39 @@ impl RobotModel {
         let text = std::fs::read_to_string(&file)
             .map_err(|error| ModelError::Unreadable { file: file.clone(), reason: error.to_string() })?;
         let settings: RobotSettings = dsm::config::parse_toml(&text, &file)?;
-        let urdf = file.parent().unwrap_or(Path::new(".")).join(&settings.urdf);
-        if !urdf.is_file() {
-            let message = format!("`urdf` is \"{}\", which does not exist beside this file", settings.urdf);
-            return Err(Fit { file: &file, text: &text }.mismatch(&settings.urdf, message));
+        let fit = Fit { file: &file, text: &text };
+        let urdfs = fit.find_urdfs(&settings)?;
+        let mut kinematics = Kinematics::load_urdf_parts(&urdfs, &settings.locked_joints)?;
+        for name in &settings.locked_joints {
+            if kinematics.find_joint(name).is_none() {
+                let known: Vec<&str> = kinematics.joints.iter().map(|joint| joint.name.as_str()).collect();
+                return Err(fit.unknown("joint", name, &known));
+            }
         }
-        let kinematics = Kinematics::load_urdf(&urdf)?;
-        Fit { file: &file, text: &text }.assemble(settings, kinematics)
+        for name in &settings.collision.ignored_links {
+            let link = fit.link(&kinematics, name)?;
+            kinematics.links[link.0].collisions.clear();
+        }
+        fit.assemble(settings, kinematics)
     }
 
     /// Links that the arm group moves.
     pub fn arm_links(&self) -> Vec<LinkId> {
         self.kinematics.links_moved_by(&self.arm)
+    }
+
+    /// The signs with which the joints of the head, pan then tilt, take angles to the left and downwards: whichever way
+    /// their axes point.
+    pub fn head_signs(&self) -> [f64; 2] {
+        let poses = self.kinematics.root_from_links(&self.kinematics.zero());
+        // Turning about +z goes left, turning about +y goes from ahead downwards.
+        let mut signs = [Vector3::z(), Vector3::y()].map(|direction| (direction, 1.0));
+        for ((direction, sign), name) in signs.iter_mut().zip(self.head.joints.iter()) {
+            let Some(joint) = self.kinematics.find_joint(name) else { continue };
+            let axis = poses.get(joint.child).rotation * joint.axis.into_inner();
+            *sign = if axis.dot(direction) < 0.0 { -1.0 } else { 1.0 };
+        }
+        signs.map(|(_, sign)| sign)
     }
 
     /// A named posture of `robot.toml`, with the joints that it names.
@@ -134,6 +156,9 @@ impl RobotModel {
     }
 }
 
+/// The script beside a `robot.toml` that gets what may not ship with it.
+const FETCH: &str = "fetch.sh";
+
 /// Checks of `robot.toml` against the URDF.
 struct Fit<'a> {
     file: &'a Path,
@@ -151,6 +176,26 @@ impl Fit<'_> {
         let near = find_nearest(name, known.iter().copied())
             .map_or_else(|| format!("; valid: {}", known.join(", ")), |near| format!("; did you mean `{near}`?"));
         self.mismatch(name, format!("there is no {what} `{name}`{near}"))
+    }
+
+    /// The robot's URDFs, which must be there.
+    fn find_urdfs(&self, settings: &RobotSettings) -> Result<Vec<PathBuf>, ModelError> {
+        let folder = self.file.parent().unwrap_or(Path::new("."));
+        let find = |(key, name): (&str, &String)| {
+            let urdf = folder.join(name);
+            if urdf.is_file() {
+                return Ok(urdf);
+            }
+            let script = folder.join(FETCH);
+            let hint = if script.is_file() {
+                format!("; `{}` gets what this robot needs from elsewhere", script.display())
+            } else {
+                String::new()
+            };
+            Err(self.mismatch(name, format!("`{key}` is \"{name}\", which does not exist beside this file{hint}")))
+        };
+        let attached = settings.attachments.iter().map(|name| ("attachments", name));
+        std::iter::once(("urdf", &settings.urdf)).chain(attached).map(find).collect()
     }
 
     fn link(&self, kinematics: &Kinematics, name: &str) -> Result<LinkId, ModelError> {
@@ -227,6 +272,7 @@ impl Fit<'_> {
             self.link(&kinematics, &camera.frame)?;
         }
         self.check_postures(&settings, &kinematics)?;
+        self.check_roles(&settings)?;
         let mut ignored = Vec::with_capacity(settings.collision.ignored_pairs.len());
         for [first, second] in &settings.collision.ignored_pairs {
             ignored.push((self.link(&kinematics, first)?, self.link(&kinematics, second)?));
@@ -234,6 +280,28 @@ impl Fit<'_> {
         let collision = Arc::new(CollisionModel::new(&kinematics, &ignored));
         let file = self.file.to_owned();
         Ok(RobotModel { settings, file, kinematics, arm, head, gripper, groups, tool, collision })
+    }
+
+    /// What the skills ask a robot for by name.
+    fn check_roles(&self, settings: &RobotSettings) -> Result<(), ModelError> {
+        let lacks = |what: &str, name: &str, why: &str| {
+            self.mismatch("version", format!("there is no {what} `{name}`, which the skills need: {why}"))
+        };
+        for (name, why) in settings::POSTURES {
+            if !settings.postures.contains_key(name) {
+                return Err(lacks("posture", name, why));
+            }
+        }
+        let (name, why) = settings::UNFOLDING;
+        if settings.paths.get(name).is_none_or(|path| path.len() < 2) {
+            return Err(lacks("path of two postures or more", name, why));
+        }
+        for (name, why) in settings::CAMERAS {
+            if !settings.camera.iter().any(|camera| camera.name == name) {
+                return Err(lacks("camera", name, why));
+            }
+        }
+        Ok(())
     }
 
     fn check_postures(&self, settings: &RobotSettings, kinematics: &Kinematics) -> Result<(), ModelError> {

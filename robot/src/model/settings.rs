@@ -5,6 +5,18 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+/// Postures that the skills ask for, and what for.
+pub(super) const POSTURES: [(&str, &str); 3] = [
+    ("carry", "the arm folded for driving"),
+    ("ready_down", "the arm unfolded, the tool pointing down"),
+    ("ready_front", "the arm unfolded, the tool pointing forward"),
+];
+/// The path that unfolds the arm.
+pub(super) const UNFOLDING: (&str, &str) = ("carry_to_ready_down", "from the fold to the unfolded arm");
+/// Cameras that the skills look through.
+pub(super) const CAMERAS: [(&str, &str); 2] =
+    [("head", "maps and grasps come from it"), ("wrist", "it centres the hand over what it grasps")];
+
 /// One robot, `robot.toml`. Values without a stated default are required.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -18,21 +30,31 @@ pub struct RobotSettings {
     /// The URDF file, relative to this file.
     #[schemars(length(min = 1))]
     pub urdf: String,
+    /// Further URDF files, relative to this file, whose joints may hang on links of the first: a gripper or a camera that
+    /// it lacks. Default none.
+    #[serde(default)]
+    pub attachments: Vec<String>,
+    /// Joints that are held at 0 as if they were fixed: wheels, whose motion `[base]` stands for. Default none.
+    #[serde(default)]
+    pub locked_joints: Vec<String>,
     /// The mobile base.
     pub base: BaseSettings,
-    /// Groups of joints that are commanded as one: `arm`, `head` and `gripper` must exist.
+    /// Groups of joints that are commanded as one: `arm` (the lift first), `head` (pan, then tilt) and `gripper` must
+    /// exist.
     pub group: Vec<GroupSettings>,
     /// The frame that grasps.
     pub tool: ToolSettings,
     /// The gripper.
     pub gripper: GripperSettings,
-    /// The cameras; default none.
+    /// The cameras: `head` and `wrist` must exist.
     #[serde(default)]
     pub camera: Vec<CameraSettings>,
-    /// Named joint values; joints left out stay where they are. Default none.
+    /// Named joint values; joints left out stay where they are. `carry` (folded for driving), `ready_down` and
+    /// `ready_front` (unfolded, the tool pointing down and forward) must exist.
     #[serde(default)]
     pub postures: BTreeMap<String, BTreeMap<String, f64>>,
-    /// Named sequences of postures that are free of self-collision when interpolated linearly. Default none.
+    /// Named sequences of postures that are free of self-collision when interpolated linearly. `carry_to_ready_down` must
+    /// exist, of two postures or more.
     #[serde(default)]
     pub paths: BTreeMap<String, Vec<String>>,
     /// Self-collision.
@@ -144,6 +166,15 @@ pub struct GripperSettings {
     /// Thickness of the palm in metres; (0, 0.5].
     #[schemars(range(min = 0.001, max = 0.5))]
     pub palm_thickness_m: f64,
+    /// Length of palm and wrist behind the palm's beginning in metres; [0.02, 0.5], default 0.15.
+    #[serde(default = "default_wrist_length_m")]
+    #[schemars(range(min = 0.02, max = 0.5))]
+    pub wrist_length_m: f64,
+    /// How far a camera stands out of the palm along the tool's -x, from the tool's axis, in metres; [0, 0.2], default
+    /// 0.07; 0 without one.
+    #[serde(default = "default_camera_offset_m")]
+    #[schemars(range(min = 0.0, max = 0.2))]
+    pub camera_offset_m: f64,
 }
 
 /// `[[camera]]`: a colour and depth camera.
@@ -172,6 +203,14 @@ pub struct CameraSettings {
     pub nearest_m: f64,
 }
 
+fn default_wrist_length_m() -> f64 {
+    0.15
+}
+
+fn default_camera_offset_m() -> f64 {
+    0.07
+}
+
 fn default_nearest_m() -> f64 {
     0.2
 }
@@ -183,4 +222,7 @@ pub struct CollisionSettings {
     /// Pairs of links that are never checked against each other, besides links joined by one joint. Default none.
     #[serde(default)]
     pub ignored_pairs: Vec<[String; 2]>,
+    /// Links whose collision shapes do not count at all: wheels and castors, which touch the floor. Default none.
+    #[serde(default)]
+    pub ignored_links: Vec<String>,
 }

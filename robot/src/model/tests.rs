@@ -2,6 +2,8 @@ use super::*;
 use dsm::Pose;
 use nalgebra::{Point3, Vector3};
 
+mod parts;
+
 fn porter() -> RobotModel {
     RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("models/porter")).expect("porter loads")
 }

@@ -27,7 +27,7 @@ fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let scene = SceneModel::load(&scene_file(&root.join("scenes/apartment"))).expect("the scene loads");
     let robot = RobotModel::load(&root.join("robot/models/porter")).expect("porter loads");
-    let robot = RobotBody::load(&robot).expect("porter has a body");
+    let robot = RobotBody::of(&robot).expect("porter has a body");
     // Beside the apartment: only the scene's own contacts count.
     let start = RobotStart { x_m: -50.0, y_m: 0.0, yaw_rad: 0.0, joints: Vec::new() };
     let awake = MujocoConfig { sleep_below_m_per_s: 0.0, ..MujocoConfig::default() };

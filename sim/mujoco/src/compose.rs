@@ -62,18 +62,35 @@ pub(crate) fn new_spec(config: &MujocoConfig) -> MjSpec {
 
 /// Adds the scene's meshes and bodies.
 pub(crate) fn add_scene(spec: &mut MjSpec, scene: &SceneModel) -> Result<(), PhysicsError> {
-    for (index, mesh) in scene.meshes.iter().enumerate() {
-        let vertices: Vec<f32> = mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z]).collect();
-        let faces: Vec<i32> = mesh.indices.iter().flatten().map(|i| *i as i32).collect();
-        let asset = spec.add_mesh();
-        asset.set_name(&mesh_name(index)).map_err(refused)?;
-        asset.set_uservert(&vertices);
-        asset.set_userface(&faces);
-        asset.set_inertia(mjtMeshInertia::mjMESH_INERTIA_CONVEX);
-    }
+    add_scene_meshes(spec, scene)?;
     for (index, body) in scene.bodies.iter().enumerate() {
         add_body(spec, scene, index, body)?;
     }
+    Ok(())
+}
+
+/// Adds the scene's meshes.
+pub(crate) fn add_scene_meshes(spec: &mut MjSpec, scene: &SceneModel) -> Result<(), PhysicsError> {
+    for (index, mesh) in scene.meshes.iter().enumerate() {
+        let vertices: Vec<f32> = mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z]).collect();
+        add_mesh(spec, &mesh_name(index), &vertices, &mesh.indices)?;
+    }
+    Ok(())
+}
+
+/// Adds a mesh; `vertices` are coordinates one after the other.
+pub(crate) fn add_mesh(
+    spec: &mut MjSpec,
+    name: &str,
+    vertices: &[f32],
+    triangles: &[[u32; 3]],
+) -> Result<(), PhysicsError> {
+    let faces: Vec<i32> = triangles.iter().flatten().map(|i| *i as i32).collect();
+    let asset = spec.add_mesh();
+    asset.set_name(name).map_err(refused)?;
+    asset.set_uservert(vertices);
+    asset.set_userface(&faces);
+    asset.set_inertia(mjtMeshInertia::mjMESH_INERTIA_CONVEX);
     Ok(())
 }
 
@@ -101,10 +118,21 @@ fn add_body(spec: &mut MjSpec, scene: &SceneModel, index: usize, body: &SceneBod
 }
 
 fn add_geom(body: &mut MjsBody, owner: &str, geom: &SceneGeom, name: &str) -> Result<(), PhysicsError> {
-    let mut pose = geom.body_from_geom;
     let added = body.add_geom();
     added.set_name(name).map_err(refused)?;
-    let (kind, size) = match &geom.shape {
+    set_shape(added, owner, &geom.shape, geom.body_from_geom)?;
+    set_contact(added, geom.friction);
+    Ok(())
+}
+
+/// Gives a geom its shape and its pose on the body; `owner` is named when it is wrong.
+pub(crate) fn set_shape(
+    added: &mut MjsGeom,
+    owner: &str,
+    shape: &SceneShape,
+    mut pose: Pose,
+) -> Result<(), PhysicsError> {
+    let (kind, size) = match shape {
         // A bounded plane ends at its edge; MuJoCo's planes never end.
         SceneShape::Plane { half_m: [x, y] } if *x > 0.0 && *y > 0.0 => {
             pose *= Pose::translation(0.0, 0.0, -0.5 * SLAB_M);
@@ -134,7 +162,6 @@ fn add_geom(body: &mut MjsBody, owner: &str, geom: &SceneGeom, name: &str) -> Re
     *added.size_mut() = size;
     *added.pos_mut() = pose.translation.vector.into();
     *added.quat_mut() = wxyz(&pose.rotation);
-    set_contact(added, geom.friction);
     Ok(())
 }
 

@@ -9,14 +9,20 @@
 //! motor, and its own joints hang below. Motors, set points and limits are those of [`dsm_sim::physics::Motors`]. What
 //! the gripper holds, it holds by friction.
 //!
+//! [`draw`] and [`cast_rays`] look at a scene with MuJoCo's own renderer and its rays, so that ours can be held against
+//! them.
+//!
 //! Invariants: the same inputs give the same bytes; reading never changes the world; a world that diverges is never put
 //! back to its start. The crate does not know what a map or a task is.
 
 mod compose;
+mod egl;
 mod messages;
+mod picture;
 mod robot;
 mod world;
 
+pub use picture::{Eye, Picture, PictureError, cast_rays, draw};
 pub use world::MujocoPhysics;
 
 use dsm::time::Span;

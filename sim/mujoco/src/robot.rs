@@ -1,14 +1,15 @@
 //! The robot as a tree of MuJoCo's bodies: links, joints, motors.
 
-use crate::compose::{add_pair, geom_name, refused, set_contact, set_pose, wxyz};
-use dsm::Pose;
-use dsm_sim::physics::{LINK_FRICTION, MovingJoint, PhysicsError, RobotBody, from_urdf_origin};
+use crate::compose::{add_mesh, add_pair, geom_name, refused, set_contact, set_pose, wxyz};
+use dsm_robot::model::kinematics::{Inertial, Joint, Link};
+use dsm_robot::model::shapes::{Geometry, Mesh};
+use dsm_robot::model::{JointKind, LinkId};
+use dsm_sim::physics::{LINK_FRICTION, MovingJoint, PhysicsError, RobotBody};
 use dsm_sim::scene::{BodyMotion, SceneModel};
 use mujoco_rs::mujoco_c::{mjtBias, mjtEq, mjtGain, mjtJoint, mjtLimited, mjtSleepPolicy, mjtTrn};
 use mujoco_rs::prelude::{MjSpec, MjtGeomBase, MjtObjBase, SpecItem};
 use mujoco_rs::wrappers::mj_editing::MjsBody;
-use nalgebra::Matrix3;
-use urdf_rs::{Geometry, Joint, JointType};
+use std::sync::Arc;
 
 /// Joints of the base, x, y and yaw, in this order.
 pub(crate) const BASE_JOINTS: [&str; 3] = ["base/x", "base/y", "base/yaw"];
@@ -20,6 +21,9 @@ const GEAR_SOLIMP: [f64; 5] = [0.99, 0.999, 0.001, 0.5, 2.0];
 /// more; a jaw of 100 g alone would shoot at 1 m/s within one step of its motor's full force.
 const GEAR_S: f64 = 0.005;
 
+/// Principal moments that MuJoCo takes for none.
+const LEAST_MOMENT_KG_M2: f64 = 1e-14;
+
 /// Name of a link in the model.
 pub(crate) fn link_name(link: &str) -> String {
     format!("robot/{link}")
@@ -28,9 +32,10 @@ pub(crate) fn link_name(link: &str) -> String {
 /// Adds links, joints, gear and motors. Motors come in the order of the base's joints, then of `joints`.
 pub(crate) fn add_robot(spec: &mut MjSpec, robot: &RobotBody, joints: &[MovingJoint]) -> Result<(), PhysicsError> {
     let base = robot.get_link(&robot.base_link)?;
-    add_link(spec.world_body_mut(), robot, base, None)?;
+    let meshes = add_meshes(spec, robot)?;
+    add_link(spec.world_body_mut(), (robot, &meshes), base, None)?;
     for (a, b) in robot.ignored_links()? {
-        let [a, b] = [a, b].map(|link| link_name(&robot.urdf.links[link].name));
+        let [a, b] = [a, b].map(|link| link_name(&robot.kinematics.links[link].name));
         let exclude = spec.add_exclude();
         exclude.set_bodyname1(&a);
         exclude.set_bodyname2(&b);
@@ -69,8 +74,8 @@ pub(crate) fn add_grip_pairs(spec: &mut MjSpec, robot: &RobotBody, scene: &Scene
     let pads: Vec<String> = robot
         .finger_links()?
         .iter()
-        .map(|link| &robot.urdf.links[*link])
-        .flat_map(|link| (0..link.collision.len()).map(|nth| pad_name(&link.name, nth)))
+        .map(|link| &robot.kinematics.links[*link])
+        .flat_map(|link| (0..link.collisions.len()).map(|nth| pad_name(&link.name, nth)))
         .collect();
     for (index, body) in scene.bodies.iter().enumerate().filter(|(_, body)| body.motion == BodyMotion::Free) {
         for (nth, geom) in body.geoms.iter().filter(|geom| geom.collides).enumerate() {
@@ -86,9 +91,36 @@ fn pad_name(link: &str, nth: usize) -> String {
     format!("robot/{link}/{nth}")
 }
 
+/// Meshes that links collide with; each file once.
+type Meshes = Vec<Arc<Mesh>>;
+
+fn mesh_name(index: usize) -> String {
+    format!("robot/mesh/{index}")
+}
+
+/// Adds the meshes of the links' collision shapes.
+fn add_meshes(spec: &mut MjSpec, robot: &RobotBody) -> Result<Meshes, PhysicsError> {
+    let mut meshes = Meshes::new();
+    for shape in robot.kinematics.links.iter().flat_map(|link| &link.collisions) {
+        let Geometry::Mesh(mesh) = &shape.geometry else { continue };
+        if meshes.iter().any(|known| Arc::ptr_eq(known, mesh)) {
+            continue;
+        }
+        let vertices: Vec<f32> = mesh.vertices.iter().flat_map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
+        add_mesh(spec, &mesh_name(meshes.len()), &vertices, &mesh.triangles)?;
+        meshes.push(mesh.clone());
+    }
+    Ok(meshes)
+}
+
 /// Adds a link and all below it; `joint` is what it hangs on.
-fn add_link(parent: &mut MjsBody, robot: &RobotBody, index: usize, joint: Option<&Joint>) -> Result<(), PhysicsError> {
-    let link = &robot.urdf.links[index];
+fn add_link(
+    parent: &mut MjsBody,
+    (robot, meshes): (&RobotBody, &Meshes),
+    index: usize,
+    joint: Option<&Joint>,
+) -> Result<(), PhysicsError> {
+    let link = &robot.kinematics.links[index];
     let body = parent.add_body();
     body.set_name(&link_name(&link.name)).map_err(refused)?;
     // Motors hold the robot's own weight; the fingers' bound is then what they press with.
@@ -99,30 +131,28 @@ fn add_link(parent: &mut MjsBody, robot: &RobotBody, index: usize, joint: Option
             add_base_joints(body)?;
         }
         Some(joint) => {
-            set_pose(body, &from_urdf_origin(&joint.origin));
-            if joint.joint_type != JointType::Fixed {
+            set_pose(body, &joint.parent_from_joint);
+            if joint.kind != JointKind::Fixed {
                 add_joint(body, robot, joint)?;
             }
         }
     }
-    add_inertia(body, link);
-    add_shapes(body, robot, link)?;
-    if joint.is_none_or(|joint| joint.joint_type != JointType::Fixed) && mass_below(robot, index) <= 0.0 {
+    add_inertia(body, &link.inertial);
+    add_shapes(body, (robot, meshes), link)?;
+    if joint.is_none_or(|joint| joint.kind != JointKind::Fixed) && mass_below(robot, LinkId(index)) <= 0.0 {
         return Err(PhysicsError::NoMass { name: link.name.clone(), mass_kg: 0.0 });
     }
-    for joint in robot.urdf.joints.iter().filter(|joint| joint.parent.link == link.name) {
-        add_link(body, robot, robot.get_link(&joint.child.link)?, Some(joint))?;
+    for joint in robot.kinematics.joints.iter().filter(|joint| joint.parent == LinkId(index)) {
+        add_link(body, (robot, meshes), joint.child.0, Some(joint))?;
     }
     Ok(())
 }
 
 /// Mass of a link and all that is fixed to it, kilograms.
-fn mass_below(robot: &RobotBody, index: usize) -> f64 {
-    let link = &robot.urdf.links[index];
-    let fixed =
-        robot.urdf.joints.iter().filter(|joint| joint.parent.link == link.name && joint.joint_type == JointType::Fixed);
-    let below = fixed.filter_map(|joint| robot.get_link(&joint.child.link).ok());
-    link.inertial.mass.value + below.map(|child| mass_below(robot, child)).sum::<f64>()
+fn mass_below(robot: &RobotBody, link: LinkId) -> f64 {
+    let fixed = robot.kinematics.joints.iter().filter(|joint| joint.parent == link && joint.kind == JointKind::Fixed);
+    let below: f64 = fixed.map(|joint| mass_below(robot, joint.child)).sum();
+    robot.kinematics.links[link.0].inertial.mass_kg + below
 }
 
 fn add_base_joints(body: &mut MjsBody) -> Result<(), PhysicsError> {
@@ -143,65 +173,65 @@ fn add_base_joints(body: &mut MjsBody) -> Result<(), PhysicsError> {
 fn add_joint(body: &mut MjsBody, robot: &RobotBody, joint: &Joint) -> Result<(), PhysicsError> {
     let added = body.add_joint();
     added.set_name(&joint.name).map_err(refused)?;
-    let prismatic = joint.joint_type == JointType::Prismatic;
+    let prismatic = joint.kind == JointKind::Prismatic;
     added.set_type(if prismatic { mjtJoint::mjJNT_SLIDE } else { mjtJoint::mjJNT_HINGE });
-    *added.axis_mut() = joint.axis.xyz.0;
-    if joint.joint_type != JointType::Continuous {
+    *added.axis_mut() = joint.axis.into_inner().into();
+    if joint.kind != JointKind::Continuous {
         added.set_limited(mjtLimited::mjLIMITED_TRUE);
-        *added.range_mut() = [joint.limit.lower, joint.limit.upper];
+        *added.range_mut() = [joint.limits.lower, joint.limits.upper];
     }
     let is_finger = robot.fingers.joints.contains(&joint.name);
     let bound = if is_finger { robot.fingers.max_force_n } else { f64::INFINITY };
-    let max_effort = joint.limit.effort.min(bound);
-    if joint.limit.velocity > 0.0 {
-        added.set_armature(GEAR_S * max_effort / joint.limit.velocity);
-    }
+    let max_effort = joint.limits.effort.min(bound);
+    added.set_armature(GEAR_S * max_effort / joint.limits.velocity);
     added.set_actgravcomp(true);
     added.set_actfrclimited(mjtLimited::mjLIMITED_TRUE);
     *added.actfrcrange_mut() = [-max_effort, max_effort];
     Ok(())
 }
 
-fn add_inertia(body: &mut MjsBody, link: &urdf_rs::Link) {
-    let inertial = &link.inertial;
-    if inertial.mass.value <= 0.0 {
+fn add_inertia(body: &mut MjsBody, inertial: &Inertial) {
+    if inertial.mass_kg <= 0.0 {
         return;
     }
-    let i = &inertial.inertia;
-    let pose = from_urdf_origin(&inertial.origin);
-    let inertia = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
+    let pose = &inertial.link_from_inertial;
     let rotation = pose.rotation.to_rotation_matrix();
-    let m = rotation.matrix() * inertia * rotation.matrix().transpose();
+    let m = rotation.matrix() * inertial.inertia_kg_m2 * rotation.matrix().transpose();
     body.set_explicitinertial(true);
-    body.set_mass(inertial.mass.value);
+    body.set_mass(inertial.mass_kg);
     *body.ipos_mut() = pose.translation.vector.into();
-    *body.fullinertia_mut() = [m[(0, 0)], m[(1, 1)], m[(2, 2)], m[(0, 1)], m[(0, 2)], m[(1, 2)]];
+    // A point mass has no principal axes, and MuJoCo refuses what no body can have: small parts of a robot come with both.
+    if m.symmetric_eigenvalues().min() > LEAST_MOMENT_KG_M2 {
+        *body.fullinertia_mut() = [m[(0, 0)], m[(1, 1)], m[(2, 2)], m[(0, 1)], m[(0, 2)], m[(1, 2)]];
+    }
 }
 
-fn add_shapes(body: &mut MjsBody, robot: &RobotBody, link: &urdf_rs::Link) -> Result<(), PhysicsError> {
+fn add_shapes(body: &mut MjsBody, (robot, meshes): (&RobotBody, &Meshes), link: &Link) -> Result<(), PhysicsError> {
     let is_finger = robot.fingers.links.contains(&link.name);
     let friction = if is_finger { robot.fingers.friction } else { LINK_FRICTION };
-    for (nth, part) in link.collision.iter().enumerate() {
-        let pose: Pose = from_urdf_origin(&part.origin);
+    for (nth, part) in link.collisions.iter().enumerate() {
+        let pose = &part.link_from_shape;
+        let geom = body.add_geom();
         let (kind, size) = match &part.geometry {
-            Geometry::Box { size } => (MjtGeomBase::mjGEOM_BOX, size.0.map(|full| 0.5 * full)),
-            Geometry::Cylinder { radius, length } => {
-                (MjtGeomBase::mjGEOM_CYLINDER, [*radius, 0.5 * length, 0.5 * length])
+            Geometry::Box { size_m } => (MjtGeomBase::mjGEOM_BOX, (size_m * 0.5).into()),
+            Geometry::Cylinder { radius_m, length_m } => {
+                (MjtGeomBase::mjGEOM_CYLINDER, [*radius_m, 0.5 * length_m, 0.5 * length_m])
             }
-            Geometry::Capsule { radius, length } => {
-                (MjtGeomBase::mjGEOM_CAPSULE, [*radius, 0.5 * length, 0.5 * length])
+            Geometry::Capsule { radius_m, length_m } => {
+                (MjtGeomBase::mjGEOM_CAPSULE, [*radius_m, 0.5 * length_m, 0.5 * length_m])
             }
-            Geometry::Sphere { radius } => (MjtGeomBase::mjGEOM_SPHERE, [*radius; 3]),
-            Geometry::Mesh { filename, .. } => {
-                let reason = format!("collision mesh `{filename}`: use boxes, cylinders, capsules or spheres");
-                return Err(PhysicsError::BadShape { owner: link.name.clone(), reason });
+            Geometry::Sphere { radius_m } => (MjtGeomBase::mjGEOM_SPHERE, [*radius_m; 3]),
+            Geometry::Mesh(mesh) => {
+                let index = meshes.iter().position(|known| Arc::ptr_eq(known, mesh)).unwrap_or(0);
+                geom.set_meshname(&mesh_name(index));
+                (MjtGeomBase::mjGEOM_MESH, [0.0; 3])
             }
         };
-        if !size.iter().all(|value| value.is_finite() && *value > 0.0) {
+        let sized = kind != MjtGeomBase::mjGEOM_MESH;
+        if sized && !size.iter().all(|value: &f64| value.is_finite() && *value > 0.0) {
             let reason = format!("sizes must be above 0, got {size:?}");
             return Err(PhysicsError::BadShape { owner: link.name.clone(), reason });
         }
-        let geom = body.add_geom();
         geom.set_name(&pad_name(&link.name, nth)).map_err(refused)?;
         geom.set_type(kind);
         *geom.size_mut() = size;

@@ -90,7 +90,7 @@ impl MujocoPhysics {
         add_grip_pairs(&mut spec, robot, scene)?;
         let mut model = Box::new(spec.compile().map_err(refused)?);
 
-        let link_names: Vec<String> = robot.urdf.links.iter().map(|link| link.name.clone()).collect();
+        let link_names: Vec<String> = robot.kinematics.links.iter().map(|link| link.name.clone()).collect();
         let find_link = |name: &String| {
             model.name_to_id(MjtObjBase::mjOBJ_BODY, &link_name(name)).ok_or_else(|| PhysicsError::NoLink {
                 name: robot.base_link.clone(),

@@ -17,5 +17,5 @@ mod visual;
 
 pub use light::LightDraw;
 pub use noise::{NoiseError, NoiseKey, NoiseParameters, SensedImage, SensorModel};
-pub use rig::{CameraError, CameraRig, ROBOT_LABEL, TrueImage, label_of_body};
-pub use visual::{RobotVisual, VisualError, visuals_from_urdf};
+pub use rig::{CameraError, CameraRig, ROBOT_LABEL, TrueImage, VISIBLE_ALPHA, label_of_body};
+pub use visual::{RobotVisual, robot_visuals};

@@ -2,7 +2,7 @@
 
 use super::light::{LightDraw, find_main};
 use super::shapes;
-use super::visual::RobotVisual;
+use super::visual::{RobotVisual, as_solid};
 use crate::scene::{SceneMaterial, SceneModel, SceneShape, TextureSpan};
 use dsm::Pose;
 use dsm::camera::CameraModel;
@@ -10,7 +10,9 @@ use dsm::raster::{
     Image, Instance, Material, MaterialIndex, MeshError, MeshIndex, RenderOptions, Renderer, Scene, Texture,
     TextureError, TextureIndex,
 };
+use dsm_robot::model::shapes::{Geometry, Mesh as PartMesh};
 use nalgebra::Point3;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Colour, depth and labels without any noise.
@@ -97,7 +99,7 @@ impl CameraRig {
             let [red, green, blue, _] = visual.rgba;
             let material = Material { color: [red, green, blue], specular: 0.15, ..Material::default() };
             let look = builder.scene.add_material(material);
-            let mesh = builder.find_or_add_mesh(&visual.shape, TextureSpan::Face, "robot")?;
+            let mesh = builder.find_or_add_part(&visual.geometry)?;
             builder.place(mesh, look, ROBOT_LABEL, Carrier::Link(visual.link), visual.link_from_shape);
         }
         let Builder { mut scene, carried, .. } = builder;
@@ -161,7 +163,7 @@ impl CameraRig {
 }
 
 /// What is more transparent than this is not drawn; all else is opaque.
-const VISIBLE_ALPHA: f32 = 0.05;
+pub const VISIBLE_ALPHA: f32 = 0.05;
 /// MuJoCo's default strength of highlights in its lights.
 const LIGHT_SPECULAR: f32 = 0.3;
 /// MuJoCo's shininess 1 is this exponent.
@@ -172,6 +174,7 @@ struct Builder {
     carried: Vec<(Carrier, Pose)>,
     /// Solids of the same size share a mesh.
     solids: Vec<(SceneShape, TextureSpan, MeshIndex)>,
+    parts: Vec<(Arc<PartMesh>, MeshIndex)>,
     meshes: Vec<MeshIndex>,
     textures: Vec<TextureIndex>,
 }
@@ -190,7 +193,7 @@ impl Builder {
             let made = shapes::mesh(mesh).map_err(|source| CameraError::Mesh { name: mesh.name.clone(), source })?;
             meshes.push(scene.add_mesh(made));
         }
-        Ok(Self { scene, carried: Vec::new(), solids: Vec::new(), meshes, textures })
+        Ok(Self { scene, carried: Vec::new(), solids: Vec::new(), parts: Vec::new(), meshes, textures })
     }
 
     fn add_material(&mut self, material: &SceneMaterial, body: &str) -> Result<MaterialIndex, CameraError> {
@@ -226,6 +229,22 @@ impl Builder {
         let made = shapes::solid(shape, span).map_err(|source| CameraError::Mesh { name: owner.to_owned(), source })?;
         let index = self.scene.add_mesh(made);
         self.solids.push((shape.clone(), span, index));
+        Ok(index)
+    }
+
+    /// The mesh of a part of the robot; parts of the same file share it.
+    fn find_or_add_part(&mut self, geometry: &Geometry) -> Result<MeshIndex, CameraError> {
+        let part = match as_solid(geometry) {
+            Ok(solid) => return self.find_or_add_mesh(&solid, TextureSpan::Face, "robot"),
+            Err(mesh) => mesh,
+        };
+        if let Some((_, index)) = self.parts.iter().find(|(known, _)| Arc::ptr_eq(known, part)) {
+            return Ok(*index);
+        }
+        let made =
+            shapes::part(part).map_err(|source| CameraError::Mesh { name: part.file.display().to_string(), source })?;
+        let index = self.scene.add_mesh(made);
+        self.parts.push((part.clone(), index));
         Ok(index)
     }
 

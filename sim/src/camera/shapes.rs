@@ -2,6 +2,8 @@
 
 use crate::scene::{SceneMesh, SceneShape, TextureSpan};
 use dsm::raster::{Mesh, MeshError};
+use dsm_robot::model::shapes::Mesh as PartMesh;
+use nalgebra::Point3;
 use std::f32::consts::PI;
 
 /// Half side of an unbounded plane in metres: farther than any indoor camera sees.
@@ -78,6 +80,12 @@ pub(super) fn mesh(mesh: &SceneMesh) -> Result<Mesh, MeshError> {
     }
     let uvs = if mesh.uvs.is_empty() { vec![[0.0; 2]; mesh.positions.len()] } else { mesh.uvs.clone() };
     Mesh::new(mesh.positions.clone(), mesh.normals.clone(), uvs, mesh.indices.clone())
+}
+
+/// The mesh of a part of the robot.
+pub(super) fn part(part: &PartMesh) -> Result<Mesh, MeshError> {
+    let positions: Vec<Point3<f32>> = part.vertices.iter().map(|corner| corner.cast()).collect();
+    Mesh::from_triangles(&positions, &part.triangles, CREASE_RAD)
 }
 
 /// Corners around a round shape: small things need few to look round.

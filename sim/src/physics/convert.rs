@@ -34,10 +34,3 @@ pub(super) fn from_pose(pose: &RapierPose) -> Pose {
 pub(super) fn from_point(v: Vector) -> Point3<f64> {
     Point3::from(from_vector(v))
 }
-
-/// `parent_from_child` of a URDF origin (fixed-axis roll, pitch, yaw).
-pub fn from_urdf_origin(origin: &urdf_rs::Pose) -> Pose {
-    let [roll, pitch, yaw] = origin.rpy.0;
-    let [x, y, z] = origin.xyz.0;
-    Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
-}

@@ -19,7 +19,6 @@ mod robot_spec;
 mod settle;
 mod shapes;
 
-pub use convert::from_urdf_origin;
 pub(crate) use convert::{from_vector, to_pose};
 pub use inertia::{BodyInertia, body_inertia};
 pub use motors::{Motors, Setpoint};
@@ -34,7 +33,6 @@ use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::{JointNames, JointPositions, JointVelocities};
 use nalgebra::{Point3, Vector3};
-use std::path::PathBuf;
 use thiserror::Error;
 
 /// Standard gravity, m/s^2.
@@ -114,13 +112,21 @@ pub enum PhysicsError {
         /// The joints that exist.
         known: Vec<String>,
     },
-    /// A joint type that the robot's articulated body cannot have.
-    #[error("joint `{joint}` has type {kind}; revolute, continuous, prismatic and fixed joints can be simulated")]
-    JointType {
+    /// A joint that follows another one.
+    #[error("joint `{joint}` mimics `{master}`; mimic joints cannot be simulated yet")]
+    Mimic {
         /// The joint.
         joint: String,
-        /// Its type.
-        kind: String,
+        /// What it follows.
+        master: String,
+    },
+    /// A joint whose motor has no bounds.
+    #[error(
+        "joint `{joint}` has no velocity or no effort limit in the URDF; expected both > 0, or `locked_joints` to hold it"
+    )]
+    NoLimits {
+        /// The joint.
+        joint: String,
     },
     /// A shape without volume, or a mesh that has no hull.
     #[error("{owner}: {reason}")]
@@ -137,14 +143,6 @@ pub enum PhysicsError {
         name: String,
         /// What was given.
         mass_kg: f64,
-    },
-    /// The URDF cannot be read.
-    #[error("{}: {reason}", file.display())]
-    Unreadable {
-        /// The URDF.
-        file: PathBuf,
-        /// What went wrong.
-        reason: String,
     },
     /// The gripper is not a parallel gripper of two fingers.
     #[error("the gripper needs exactly two finger joints and two finger links, got {got:?}")]

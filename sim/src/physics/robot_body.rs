@@ -1,18 +1,19 @@
 //! The robot as one articulated body: how it is put together.
 
 use super::PhysicsError;
-use super::convert::{from_urdf_origin, to_pose, to_vector};
+use super::convert::{to_pose, to_vector};
 use super::robot_spec::{LINK_FRICTION, MovingJoint, RobotBody};
-use super::shapes::urdf_shape;
+use super::shapes::link_shape;
 use dsm::Pose;
 use dsm_robot::joints::JointNames;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use dsm_robot::model::kinematics::{Joint, Link};
+use dsm_robot::model::{JointKind, LinkId};
+use nalgebra::{UnitQuaternion, Vector3};
 use rapier3d::prelude::*;
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use urdf_rs::{Joint, JointType, Link};
 
-/// A link of the URDF: rigidly on a rigid body.
+/// A link of the robot: rigidly on a rigid body.
 pub(super) struct LinkPlace {
     pub(super) body: RigidBodyHandle,
     pub(super) body_from_link: Pose,
@@ -66,8 +67,8 @@ pub(super) fn build_robot(robot: &RobotBody, world: &mut PhysicsWorld) -> Result
     let base_index = robot.get_link(&robot.base_link)?;
     let mut builder = Builder {
         robot,
-        links: robot.urdf.links.iter().map(|_| None).collect(),
-        joints: robot.urdf.joints.iter().map(|_| None).collect(),
+        links: robot.kinematics.links.iter().map(|_| None).collect(),
+        joints: robot.kinematics.joints.iter().map(|_| None).collect(),
         bodies: Vec::new(),
         parents: Vec::new(),
         world,
@@ -97,14 +98,14 @@ impl Builder<'_> {
     fn add_body(&mut self, link: usize, parent: Option<usize>) -> Result<RigidBodyHandle, PhysicsError> {
         let mut parts = Vec::new();
         self.collect_fixed(link, Pose::identity(), &mut parts);
-        let urdf = &self.robot.urdf;
+        let links = &self.robot.kinematics.links;
         let mut mass_properties: MassProperties = nalgebra::zero();
         for (part, body_from_part) in &parts {
-            mass_properties += link_mass(&urdf.links[*part]).transform_by(&to_pose(body_from_part));
+            mass_properties += link_mass(&links[*part]).transform_by(&to_pose(body_from_part));
         }
         let mass_kg = f64::from(mass_properties.mass());
         if mass_kg <= 0.0 {
-            return Err(PhysicsError::NoMass { name: urdf.links[link].name.clone(), mass_kg });
+            return Err(PhysicsError::NoMass { name: links[link].name.clone(), mass_kg });
         }
         // The motors do not wake a sleeping link, so links never sleep.
         let body = RigidBodyBuilder::dynamic().additional_mass_properties(mass_properties).can_sleep(false);
@@ -120,22 +121,19 @@ impl Builder<'_> {
 
     fn collect_fixed(&self, link: usize, body_from_link: Pose, parts: &mut Vec<(usize, Pose)>) {
         parts.push((link, body_from_link));
-        let urdf = &self.robot.urdf;
-        let name = &urdf.links[link].name;
-        for joint in urdf.joints.iter().filter(|j| j.parent.link == *name && j.joint_type == JointType::Fixed) {
-            if let Some(child) = urdf.links.iter().position(|l| l.name == joint.child.link) {
-                self.collect_fixed(child, body_from_link * from_urdf_origin(&joint.origin), parts);
-            }
+        let joints = &self.robot.kinematics.joints;
+        for joint in joints.iter().filter(|j| j.parent == LinkId(link) && j.kind == JointKind::Fixed) {
+            self.collect_fixed(joint.child.0, body_from_link * joint.parent_from_joint, parts);
         }
     }
 
     fn add_colliders(&mut self, link: usize, body_from_link: &Pose, body: RigidBodyHandle) -> Result<(), PhysicsError> {
-        let Link { name, collision, .. } = &self.robot.urdf.links[link];
+        let Link { name, collisions, .. } = &self.robot.kinematics.links[link];
         let is_finger = self.robot.fingers.links.contains(name);
         let friction = if is_finger { self.robot.fingers.friction } else { LINK_FRICTION };
-        for part in collision {
-            let (geometry_from_shape, shape) = urdf_shape(name, &part.geometry)?;
-            let pose = to_pose(&(body_from_link * from_urdf_origin(&part.origin))) * geometry_from_shape;
+        for part in collisions {
+            let (geometry_from_shape, shape) = link_shape(name, &part.geometry)?;
+            let pose = to_pose(&(body_from_link * part.link_from_shape)) * geometry_from_shape;
             let collider = ColliderBuilder::new(shape)
                 .position(pose)
                 .density(0.0)
@@ -151,10 +149,9 @@ impl Builder<'_> {
     /// Adds the bodies moved by the joints of `link` and of everything fixed to it.
     fn add_children(&mut self, link: usize) -> Result<(), PhysicsError> {
         let robot = self.robot;
-        let name = &robot.urdf.links[link].name;
-        for (index, joint) in robot.urdf.joints.iter().enumerate().filter(|(_, j)| j.parent.link == *name) {
-            let child = robot.get_link(&joint.child.link)?;
-            if joint.joint_type != JointType::Fixed {
+        for (index, joint) in robot.kinematics.joints.iter().enumerate().filter(|(_, j)| j.parent == LinkId(link)) {
+            let child = joint.child.0;
+            if joint.kind != JointKind::Fixed {
                 self.add_moving(index, joint, link, child)?;
             }
             self.add_children(child)?;
@@ -163,17 +160,17 @@ impl Builder<'_> {
     }
 
     fn add_moving(&mut self, index: usize, joint: &Joint, parent: usize, child: usize) -> Result<(), PhysicsError> {
-        let prismatic = joint.joint_type == JointType::Prismatic;
+        let prismatic = joint.kind == JointKind::Prismatic;
         let place = self.links[parent].as_ref().expect("parents are built before their children");
         let (parent_body, body_from_parent) = (place.body, place.body_from_link);
         let parent_index = self.bodies.iter().position(|(b, _)| *b == parent_body);
         let body = self.add_body(child, parent_index)?;
 
-        let axis = Vector3::from(joint.axis.xyz.0);
+        let axis = joint.axis.into_inner();
         let along_axis = UnitQuaternion::rotation_between(&Vector3::x(), &axis)
             .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI));
         let child_from_axis = Pose::from_parts(Default::default(), along_axis);
-        let parent_from_axis = body_from_parent * from_urdf_origin(&joint.origin) * child_from_axis;
+        let parent_from_axis = body_from_parent * joint.parent_from_joint * child_from_axis;
         let (free, locked) = if prismatic {
             (JointAxis::LinX, JointAxesMask::LOCKED_PRISMATIC_AXES)
         } else {
@@ -183,8 +180,8 @@ impl Builder<'_> {
             .local_frame1(to_pose(&parent_from_axis))
             .local_frame2(to_pose(&child_from_axis))
             .motor_model(free, MotorModel::ForceBased);
-        if joint.joint_type != JointType::Continuous {
-            data = data.limits(free, [joint.limit.lower as f32, joint.limit.upper as f32]);
+        if joint.kind != JointKind::Continuous {
+            data = data.limits(free, [joint.limits.lower as f32, joint.limits.upper as f32]);
         }
         let handle = insert_joint(self.world, parent_body, body, data.build());
         self.joints[index] = Some(JointPlace {
@@ -200,8 +197,7 @@ impl Builder<'_> {
     }
 
     fn finish(self, base: RigidBodyHandle, base_joint: MultibodyJointHandle) -> Result<BuiltRobot, PhysicsError> {
-        let urdf = &self.robot.urdf;
-        let link_names: Vec<String> = urdf.links.iter().map(|l| l.name.clone()).collect();
+        let link_names: Vec<String> = self.robot.kinematics.links.iter().map(|l| l.name.clone()).collect();
         let mut joints: Vec<JointPlace> = self.joints.into_iter().flatten().collect();
         for joint in &mut joints {
             for index in 0..self.bodies.len() {
@@ -242,18 +238,16 @@ impl Builder<'_> {
 
 fn link_mass(link: &Link) -> MassProperties {
     let inertial = &link.inertial;
-    if inertial.mass.value <= 0.0 {
+    if inertial.mass_kg <= 0.0 {
         return nalgebra::zero();
     }
-    let i = &inertial.inertia;
-    let pose = from_urdf_origin(&inertial.origin);
+    let (pose, inertia) = (&inertial.link_from_inertial, &inertial.inertia_kg_m2);
     // The inertia is given in the axes of the inertial origin; its eigenvectors are the principal frame.
-    let inertia = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
     let rotation = pose.rotation.to_rotation_matrix();
     let m = rotation.matrix() * inertia * rotation.matrix().transpose();
     let column = |c: usize| to_vector(&Vector3::new(m[(0, c)], m[(1, c)], m[(2, c)]));
     let matrix = Matrix::from_cols(column(0), column(1), column(2));
-    MassProperties::with_inertia_matrix(to_vector(&pose.translation.vector), inertial.mass.value as f32, matrix)
+    MassProperties::with_inertia_matrix(to_vector(&pose.translation.vector), inertial.mass_kg as f32, matrix)
 }
 
 const LINK_TAG: u128 = 1 << 64;

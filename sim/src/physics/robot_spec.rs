@@ -1,9 +1,8 @@
 //! What physics must know of a robot.
 
 use super::PhysicsError;
-use dsm_robot::model::RobotModel;
+use dsm_robot::model::{Drive, JointKind, Kinematics, RobotModel};
 use std::collections::BTreeSet;
-use urdf_rs::{JointType, Robot as Urdf};
 
 /// Where the robot stands at the start.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,11 +63,11 @@ pub struct FingerPair {
     pub max_force_n: f64,
 }
 
-/// What physics must know of a robot: the URDF and what the URDF cannot say.
+/// What physics must know of a robot: its links and joints and what its URDF cannot say.
 #[derive(Clone, Debug)]
 pub struct RobotBody {
-    /// Links, joints, limits, masses and collision shapes.
-    pub urdf: Urdf,
+    /// Links, joints, limits, masses and shapes.
+    pub kinematics: Kinematics,
     /// The link on the floor that the wheels move.
     pub base_link: String,
     /// The wheels' drive.
@@ -80,21 +79,17 @@ pub struct RobotBody {
 }
 
 impl RobotBody {
-    /// What physics must know of a loaded robot; reads its URDF again.
+    /// What physics must know of a loaded robot.
     ///
     /// # Errors
-    /// [`PhysicsError::Unreadable`] when the URDF cannot be read, [`PhysicsError::BadGripper`] unless the gripper has
-    /// exactly two fingers.
-    pub fn load(model: &RobotModel) -> Result<Self, PhysicsError> {
+    /// [`PhysicsError::BadGripper`] unless the gripper has exactly two fingers.
+    pub fn of(model: &RobotModel) -> Result<Self, PhysicsError> {
         let settings = &model.settings;
-        let file = model.file.with_file_name(&settings.urdf);
-        let urdf = urdf_rs::read_file(&file)
-            .map_err(|error| PhysicsError::Unreadable { file: file.clone(), reason: error.to_string() })?;
         let two =
             |names: &[String]| <[String; 2]>::try_from(names.to_vec()).map_err(|got| PhysicsError::BadGripper { got });
         let gripper = &settings.gripper;
         Ok(Self {
-            urdf,
+            kinematics: model.kinematics.clone(),
             base_link: settings.base.link.clone(),
             drive: BaseDrive {
                 max_force_n: settings.base.max_drive_force_n,
@@ -112,28 +107,30 @@ impl RobotBody {
         })
     }
 
-    /// The movable joints in URDF order.
+    /// The movable joints, parents before children.
     ///
     /// # Errors
-    /// [`PhysicsError::JointType`] for joints that are neither revolute, continuous, prismatic nor fixed.
+    /// [`PhysicsError::Mimic`] for joints that follow another one, [`PhysicsError::NoLimits`] for joints whose speed or
+    /// effort has no limit.
     pub fn moving_joints(&self) -> Result<Vec<MovingJoint>, PhysicsError> {
         let mut moving = Vec::new();
-        for joint in self.urdf.joints.iter().filter(|joint| joint.joint_type != JointType::Fixed) {
-            let (prismatic, lower, upper) = match joint.joint_type {
-                JointType::Revolute => (false, joint.limit.lower, joint.limit.upper),
-                JointType::Continuous => (false, f64::NEG_INFINITY, f64::INFINITY),
-                JointType::Prismatic => (true, joint.limit.lower, joint.limit.upper),
-                ref other => {
-                    return Err(PhysicsError::JointType { joint: joint.name.clone(), kind: format!("{other:?}") });
-                }
-            };
+        for joint in self.kinematics.joints.iter().filter(|joint| joint.kind != JointKind::Fixed) {
+            if let Drive::Variable { variable, .. } = joint.drive
+                && *self.kinematics.variables[variable] != *joint.name
+            {
+                let master = self.kinematics.variables[variable].to_string();
+                return Err(PhysicsError::Mimic { joint: joint.name.clone(), master });
+            }
+            if !joint.limits.velocity.is_finite() || !joint.limits.effort.is_finite() {
+                return Err(PhysicsError::NoLimits { joint: joint.name.clone() });
+            }
             moving.push(MovingJoint {
                 name: joint.name.clone(),
-                prismatic,
-                lower,
-                upper,
-                max_speed: joint.limit.velocity,
-                max_effort: joint.limit.effort,
+                prismatic: joint.kind == JointKind::Prismatic,
+                lower: joint.limits.lower,
+                upper: joint.limits.upper,
+                max_speed: joint.limits.velocity,
+                max_effort: joint.limits.effort,
             });
         }
         Ok(moving)
@@ -144,9 +141,9 @@ impl RobotBody {
     /// # Errors
     /// [`PhysicsError::NoLink`] when the URDF has none of that name.
     pub fn get_link(&self, name: &str) -> Result<usize, PhysicsError> {
-        self.urdf.links.iter().position(|link| link.name == name).ok_or_else(|| PhysicsError::NoLink {
+        self.kinematics.find_link(name).map(|link| link.0).ok_or_else(|| PhysicsError::NoLink {
             name: name.into(),
-            known: self.urdf.links.iter().map(|link| link.name.clone()).collect(),
+            known: self.kinematics.links.iter().map(|link| link.name.clone()).collect(),
         })
     }
 

@@ -4,6 +4,7 @@ use super::convert::to_pose;
 use super::{PhysicsError, SLAB_M};
 use crate::scene::{BodyMotion, SceneModel, SceneShape};
 use dsm::Pose;
+use dsm_robot::model::shapes::Geometry;
 use nalgebra::UnitQuaternion;
 use rapier3d::math::{Pose as RapierPose, Vector};
 use rapier3d::parry::shape::SharedShape;
@@ -88,30 +89,32 @@ fn ellipsoid_points(radii: [f32; 3]) -> Vec<Vector> {
     points
 }
 
-/// The collision shape of a URDF geometry and its pose in the geometry's frame. Meshes are not supported here: our
-/// robots collide with primitives.
-pub(super) fn urdf_shape(owner: &str, geometry: &urdf_rs::Geometry) -> Result<(RapierPose, SharedShape), PhysicsError> {
-    use urdf_rs::Geometry;
+/// The collision shape of a link's geometry and its pose in the geometry's frame; meshes become their convex hull.
+pub(super) fn link_shape(owner: &str, geometry: &Geometry) -> Result<(RapierPose, SharedShape), PhysicsError> {
     match geometry {
-        Geometry::Box { size } => {
-            positive(owner, &size.0)?;
-            let [x, y, z] = size.0.map(|s| 0.5 * s as f32);
-            Ok((RapierPose::IDENTITY, SharedShape::cuboid(x, y, z)))
+        Geometry::Box { size_m } => {
+            positive(owner, size_m.as_slice())?;
+            let half = size_m.map(|s| 0.5 * s as f32);
+            Ok((RapierPose::IDENTITY, SharedShape::cuboid(half.x, half.y, half.z)))
         }
-        Geometry::Cylinder { radius, length } => {
-            positive(owner, &[*radius, *length])?;
-            Ok((to_pose(&z_from_y()), SharedShape::cylinder(0.5 * *length as f32, *radius as f32)))
+        Geometry::Cylinder { radius_m, length_m } => {
+            positive(owner, &[*radius_m, *length_m])?;
+            Ok((to_pose(&z_from_y()), SharedShape::cylinder(0.5 * *length_m as f32, *radius_m as f32)))
         }
-        Geometry::Capsule { radius, length } => {
-            positive(owner, &[*radius, *length])?;
-            Ok((to_pose(&z_from_y()), SharedShape::capsule_y(0.5 * *length as f32, *radius as f32)))
+        Geometry::Capsule { radius_m, length_m } => {
+            positive(owner, &[*radius_m, *length_m])?;
+            Ok((to_pose(&z_from_y()), SharedShape::capsule_y(0.5 * *length_m as f32, *radius_m as f32)))
         }
-        Geometry::Sphere { radius } => {
-            positive(owner, &[*radius])?;
-            Ok((RapierPose::IDENTITY, SharedShape::ball(*radius as f32)))
+        Geometry::Sphere { radius_m } => {
+            positive(owner, &[*radius_m])?;
+            Ok((RapierPose::IDENTITY, SharedShape::ball(*radius_m as f32)))
         }
-        Geometry::Mesh { filename, .. } => {
-            Err(bad(owner, &format!("collision mesh `{filename}`: use boxes, cylinders, capsules or spheres")))
+        Geometry::Mesh(mesh) => {
+            let corners: Vec<Vector> =
+                mesh.vertices.iter().map(|p| Vector::new(p.x as f32, p.y as f32, p.z as f32)).collect();
+            let hull = SharedShape::convex_hull(&corners)
+                .ok_or_else(|| bad(owner, &format!("mesh `{}` encloses no volume", mesh.file.display())))?;
+            Ok((RapierPose::IDENTITY, hull))
         }
     }
 }

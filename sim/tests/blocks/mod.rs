@@ -77,7 +77,7 @@ pub(crate) fn porter_model() -> RobotModel {
 
 /// The robot porter as physics sees it.
 pub(crate) fn porter() -> RobotBody {
-    RobotBody::load(&porter_model()).expect("porter has a body")
+    RobotBody::of(&porter_model()).expect("porter has a body")
 }
 
 /// Joint values of a posture of porter.

@@ -5,9 +5,11 @@
 use crate::blocks::{add, add_free, add_table, body, cuboid, floor, porter, posture, start};
 use dsm::Pose;
 use dsm_robot::drivers::Twist;
+use dsm_robot::model::shapes::{CollisionShape, Geometry, Mesh};
 use dsm_sim::physics::{ContactParty, Engine, JointTarget, Physics, PhysicsError, RobotStart};
 use dsm_sim::scene::{BodyMotion, SceneMesh, SceneModel, SceneShape};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
+use std::sync::Arc;
 
 const G: f64 = 9.80665;
 
@@ -183,6 +185,26 @@ pub(crate) fn the_base_follows_its_twist_and_a_wall_stops_it(engine: &dyn Engine
     drive(physics.as_mut(), 0.0, 1.0, 1.0);
     let (_, _, yaw) = physics.world_from_base().rotation.euler_angles();
     assert!((yaw - 1.0).abs() < 0.05, "yaw {yaw}");
+}
+
+pub(crate) fn links_of_meshes_collide_by_their_hull(engine: &dyn Engine) {
+    let mut scene = floor();
+    add(&mut scene, body("wall", Pose::translation(2.0, 0.0, 0.5), BodyMotion::Fixed, 0.0, cuboid(0.1, 4.0, 1.0), 0.5));
+    // A tetrahedron around the base, whose tip points ahead.
+    let corner = |x: f64, y: f64, z: f64| Point3::new(x, y, z);
+    let mesh = Mesh {
+        file: "nose.stl".into(),
+        vertices: vec![corner(0.6, 0.0, 0.3), corner(0.0, 0.3, 0.3), corner(0.0, -0.3, 0.3), corner(0.0, 0.0, 0.4)],
+        triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
+    };
+    let mut robot = porter();
+    let base = robot.get_link("base_link").expect("it exists");
+    let shape = CollisionShape { link_from_shape: Pose::identity(), geometry: Geometry::Mesh(Arc::new(mesh)) };
+    robot.kinematics.links[base].collisions.push(shape);
+    let mut physics = engine.build(&scene, &robot, &start("carry", 0.08)).expect("a valid world");
+    drive(physics.as_mut(), 0.5, 0.0, 5.0);
+    let stopped = physics.world_from_base().translation.vector;
+    assert!((1.3..1.4).contains(&stopped.x), "the nose ends at the wall: {stopped:?}");
 }
 
 pub(crate) fn a_push_does_not_carry_the_base_through_a_heavy_crate(engine: &dyn Engine) {
@@ -381,6 +403,7 @@ macro_rules! conformance {
             the_arm_holds_its_posture_against_gravity
             joints_track_velocities_and_stop_at_their_limits
             the_base_follows_its_twist_and_a_wall_stops_it
+            links_of_meshes_collide_by_their_hull
             a_push_does_not_carry_the_base_through_a_heavy_crate
             friction_holds_what_the_gripper_lifts_and_carries
             a_grip_too_weak_for_the_weight_drops_the_object

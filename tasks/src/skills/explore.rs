@@ -5,11 +5,15 @@ use crate::agent::{Agent, Gaze, Halt};
 use dsm::Pose;
 use dsm::map::{CellState, FreeSpace, Map, ObjectId};
 use dsm::time::{Span, Stamp};
+use dsm_robot::drivers::Twist;
+use dsm_robot::joints::JointVelocities;
+use dsm_robot::model::RobotModel;
 use dsm_robot::nav::{
     Costmap, CoverageGrid, Field, FrontierMemory, NavConfig, Pose2, find_frontiers, find_gap, find_view_poses,
 };
 use nalgebra::{Point2, Point3, Vector3};
 use std::collections::BTreeSet;
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Tilt of the head for looking into a room, radians.
@@ -299,16 +303,57 @@ fn look_towards(agent: &mut Agent, place: &Point2<f64>) -> Result<(), Halt> {
     const SIDE_RAD: f64 = 0.5;
     let base = Pose2::from_pose(&agent.world_from_base()?);
     let bearing = (place - base.position).y.atan2((place - base.position).x);
-    let pan_rad = (bearing - base.yaw_rad).sin().atan2((bearing - base.yaw_rad).cos());
+    let mut pan_rad = (bearing - base.yaw_rad).sin().atan2((bearing - base.yaw_rad).cos());
+    if pan_rad.abs() > sight_rad(agent.model()) {
+        turn_base(agent, pan_rad)?;
+        pan_rad = 0.0;
+    }
     pan_to(agent, pan_rad - SIDE_RAD, ROOM_TILT_RAD)?;
     pan_to(agent, pan_rad + SIDE_RAD, ROOM_TILT_RAD)
 }
 
-/// Pans the head to one side into the room, and back over the other side looking at the floor around the base.
+/// Pans the head to one side into the room, and back over the other side looking at the floor around the base. What lies
+/// behind a head that cannot pan so far is looked at from the other side of the base.
 pub fn look_around(agent: &mut Agent, half_rad: f64) -> Result<(), Halt> {
-    pan_to(agent, half_rad, ROOM_TILT_RAD)?;
-    pan_to(agent, -half_rad, ROOM_TILT_RAD)?;
-    pan_to(agent, half_rad, FLOOR_TILT_RAD)
+    let turns = half_rad > sight_rad(agent.model());
+    for half_turn in 0..=u32::from(turns) {
+        if half_turn > 0 {
+            turn_base(agent, PI)?;
+        }
+        pan_to(agent, half_rad, ROOM_TILT_RAD)?;
+        pan_to(agent, -half_rad, ROOM_TILT_RAD)?;
+        pan_to(agent, half_rad, FLOOR_TILT_RAD)?;
+    }
+    Ok(())
+}
+
+/// How far from ahead the camera of the head sees to both sides, radians.
+fn sight_rad(model: &RobotModel) -> f64 {
+    let pan_rad = model.head.limits.first().map_or(PI, |limits| limits.upper.min(-limits.lower));
+    let half_view = model.find_camera("head").map_or(0.0, |(camera, _)| {
+        let wide = f64::from(camera.width) / f64::from(camera.height);
+        ((0.5 * camera.vertical_fov_rad).tan() * wide).atan()
+    });
+    pan_rad + half_view
+}
+
+/// Turns the base where it stands; with the arm folded its footprint is round.
+fn turn_base(agent: &mut Agent, angle_rad: f64) -> Result<(), Halt> {
+    const RATE_RAD_PER_S: f64 = 0.8;
+    const GAIN_PER_S: f64 = 2.0;
+    const REACHED_RAD: f64 = 0.05;
+    let still = JointVelocities::zeros(&agent.model().arm.joints);
+    let end = agent.now() + Span::from_s(2.0 * angle_rad.abs() / RATE_RAD_PER_S + 1.0);
+    let mut yaw_rad = Pose2::from_pose(&agent.world_from_base()?).yaw_rad;
+    let mut left_rad = angle_rad;
+    while left_rad.abs() > REACHED_RAD && agent.now() < end {
+        let turn_rad_per_s = (GAIN_PER_S * left_rad).clamp(-RATE_RAD_PER_S, RATE_RAD_PER_S);
+        agent.tick(Twist { forward_m_per_s: 0.0, turn_rad_per_s }, &still)?;
+        let now_rad = Pose2::from_pose(&agent.world_from_base()?).yaw_rad;
+        left_rad -= (now_rad - yaw_rad).sin().atan2((now_rad - yaw_rad).cos());
+        yaw_rad = now_rad;
+    }
+    Ok(())
 }
 
 /// Pans the head at a rate that leaves no gaps between frames.

@@ -16,7 +16,7 @@ use dsm::time::Span;
 use dsm_robot::control::{IkRequest, find_ik};
 use dsm_robot::drivers::Twist;
 use dsm_robot::grasp::{
-    ApproachFrom, GraspCandidate, GraspConfig, GraspScene, PlacementConfig, find_placements, plan_grasps,
+    ApproachFrom, GraspCandidate, GraspConfig, GraspScene, HandConfig, PlacementConfig, find_placements, plan_grasps,
 };
 use dsm_robot::joints::{JointPositions, JointVelocities};
 use dsm_robot::model::collision::Obstacle;
@@ -33,8 +33,7 @@ pub struct GraspSettings {
     pub placement: PlacementConfig,
     /// Attempts before the skill gives up. Default 4.
     pub max_attempts: usize,
-    /// Grip force, newtons: most of the 40 that the hand has, because what is held off its middle turns between the
-    /// fingers when their friction gives way. Default 36.
+    /// Grip force, newtons. Default 36, for a hand that has 40.
     pub grip_force_n: f64,
     /// Speed of free motions of the tool, metres per second. Default 0.3.
     pub free_speed_m_per_s: f64,
@@ -60,6 +59,20 @@ impl Default for GraspSettings {
         }
     }
 }
+
+impl GraspSettings {
+    /// The defaults with the hand of a robot.
+    pub fn for_robot(model: &RobotModel) -> Self {
+        let gripper = &model.settings.gripper;
+        let defaults = Self::default();
+        let planner = GraspConfig { hand: HandConfig::from_settings(gripper), ..defaults.planner };
+        Self { planner, grip_force_n: GRIP_SHARE * gripper.max_force_n, ..defaults }
+    }
+}
+
+/// Share of the greatest grip force that holds things: most of it, because what is held off its middle turns between the
+/// fingers when their friction gives way.
+const GRIP_SHARE: f64 = 0.9;
 
 /// The posture path that unfolds the arm, and the postures from which reach is searched.
 pub(super) const UNFOLD: &str = "carry_to_ready_down";
