@@ -1,6 +1,6 @@
 //! The robot as a tree of MuJoCo's bodies: links, joints, motors.
 
-use crate::compose::{add_pair, geom_name, refused, set_contact, set_pose, wxyz};
+use crate::compose::{ROBOT_MEETS, add_pair, geom_name, refused, set_contact, set_pose, wxyz};
 use dsm::Pose;
 use dsm_sim::physics::{LINK_FRICTION, MovingJoint, PhysicsError, RobotBody, from_urdf_origin};
 use dsm_sim::scene::{BodyMotion, SceneModel};
@@ -208,6 +208,7 @@ fn add_shapes(body: &mut MjsBody, robot: &RobotBody, link: &urdf_rs::Link) -> Re
         *geom.pos_mut() = pose.translation.vector.into();
         *geom.quat_mut() = wxyz(&pose.rotation);
         set_contact(geom, friction);
+        geom.set_conaffinity(1 | ROBOT_MEETS as i32);
     }
     Ok(())
 }
