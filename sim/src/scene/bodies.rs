@@ -118,7 +118,7 @@ pub(super) fn build_bodies(context: &Context<'_>, materials: &mut Materials) -> 
                 hint: "free bodies stand directly in <worldbody>".to_owned(),
             });
         }
-        if free && !touches_anything(context.model, id) {
+        if free && touches_nothing(context.model, id) {
             free = false;
             untouchable.push(id);
         }
@@ -206,8 +206,8 @@ fn hide_stand_ins(is_world: bool, body: &mut SceneBody, materials: &Materials) {
     }
 }
 
-/// Whether a parsed body, or what is rigidly or by joints on it, has a geom that collides.
-fn touches_anything(model: &mjcf_rs::Model, root: usize) -> bool {
+/// Whether a parsed body with what is on it has substance, but nothing that collides.
+fn touches_nothing(model: &mjcf_rs::Model, root: usize) -> bool {
     let is_below = |mut id: usize| loop {
         match model.bodies[id].parent {
             _ if id == root => break true,
@@ -215,8 +215,9 @@ fn touches_anything(model: &mjcf_rs::Model, root: usize) -> bool {
             None => break false,
         }
     };
-    let collides = |id: &usize| model.bodies[*id].body.geoms.iter().any(|g| g.contype != 0 || g.conaffinity != 0);
-    (root..model.bodies.len()).filter(|id| is_below(*id)).any(|id| collides(&id))
+    let below = || (root..model.bodies.len()).filter(|id| is_below(*id)).map(|id| &model.bodies[id].body);
+    let collides = |body: &Body| body.geoms.iter().any(|geom| geom.contype != 0 || geom.conaffinity != 0);
+    below().any(|body| body.inertial.is_some() || !body.geoms.is_empty()) && !below().any(collides)
 }
 
 /// Centre and tensor of a written inertia in the frame of the body that it is a part of.

@@ -171,7 +171,8 @@ impl Semantics {
     pub fn load(scene_file: &Path, scene: &SceneModel) -> Result<Self, SemanticsError> {
         let file = scene_file.with_file_name(SEMANTICS_FILE);
         if !file.exists() {
-            return Ok(Self::from_body_names(scene));
+            let stem = scene_file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+            return Ok(Self::from_names(scene, &stem.unwrap_or_default()));
         }
         let text = std::fs::read_to_string(&file).map_err(|error| SceneError::Unreadable {
             file: file.clone(),
@@ -186,10 +187,15 @@ impl Semantics {
     /// Categories from body names, by what is commonly known: `akita_black_bowl_1` is a `bowl`. Bodies that nobody sees and
     /// parts of the building (floors, walls, doors) are no objects.
     pub fn from_body_names(scene: &SceneModel) -> Self {
+        Self::from_names(scene, "")
+    }
+
+    /// As [`Self::from_body_names`]; what no name of a body tells, the stem of the file or the model's name may tell.
+    fn from_names(scene: &SceneModel, stem: &str) -> Self {
         let knowledge = Knowledge::embedded().ok();
         let shown = scene.bodies.iter().skip(1).filter(|body| body.geoms.iter().any(|geom| geom.visible));
         let objects = shown.filter_map(|body| {
-            let category = find_category(knowledge.as_ref(), &body.name, &scene.name)?;
+            let category = find_category(knowledge.as_ref(), &body.name, &[stem, &scene.name])?;
             Some(ObjectSemantics { body: body.name.clone(), category, ..ObjectSemantics::default() })
         });
         Self { version: 1, name: scene.name.clone(), objects: objects.collect(), ..Self::default() }
@@ -293,7 +299,7 @@ mod tests {
         scene.bodies[5].geoms[0].visible = false;
         let semantics = Semantics::from_body_names(&scene);
         let categories: Vec<&str> = semantics.objects.iter().map(|o| o.category.as_str()).collect();
-        assert_eq!(categories, ["apple", "lamp", "tv"]);
+        assert_eq!(categories, ["apple", "floor lamp", "tv"]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! One MJCF file tried: does it load, does it come to rest on an engine, is there something to see.
 
-use super::model::{BodyMotion, SceneModel, SceneShape};
+use super::model::{BodyMotion, SceneBody, SceneGeom, SceneModel, SceneShape};
 use super::notes::SceneNote;
 use super::scene_file;
 use super::semantics::Semantics;
@@ -23,6 +23,9 @@ const REST: Span = Span(1_000_000_000);
 const FRAME: (u32, u32, f64) = (640, 480, 0.8);
 /// Wider scenes are rooms: their walls hide what is in them, so they are seen from farther above. Metres.
 const ROOM_M: f64 = 3.0;
+
+/// Nothing is looked at from farther away than the renderer draws, metres.
+const FARTHEST_M: f64 = 80.0;
 
 /// How far a file came.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -133,9 +136,8 @@ fn try_scene(survey: &mut SurveyedScene, engine: &dyn Engine) -> Result<Frame, (
     survey.categories = semantics.objects.into_iter().map(|object| object.category).collect();
     survey.notes = notes;
     let poses = engine.settle(&scene, REST).map_err(WorldError::from).map_err(at(Stage::Simulate))?;
-    let shift = |(body, pose): (&super::SceneBody, &Pose)| {
-        (body.world_from_body.translation.vector - pose.translation.vector).norm()
-    };
+    let shift =
+        |(body, pose): (&SceneBody, &Pose)| (body.world_from_body.translation.vector - pose.translation.vector).norm();
     // What is not a number is not near.
     survey.moved = scene.bodies.iter().zip(&poses).filter(|pair| !(shift(*pair) <= 0.01)).count();
     let mut rig =
@@ -149,11 +151,15 @@ fn try_scene(survey: &mut SurveyedScene, engine: &dyn Engine) -> Result<Frame, (
     Ok(Frame { width, height, rgb: image.color })
 }
 
-/// A camera that has all of the scene in view, unbounded planes aside: from the front, aslant from above.
+/// A camera that has all of the scene in view, from the front and aslant from above. Planes count only where there is
+/// nothing else: many reach farther than what stands on them.
 fn choose_view(scene: &SceneModel, poses: &[Pose]) -> Pose {
+    let is_plane = |geom: &SceneGeom| matches!(geom.shape, SceneShape::Plane { .. });
+    let seen = || scene.bodies.iter().flat_map(|body| &body.geoms).filter(|geom| geom.visible);
+    let has_solids = seen().any(|geom| !is_plane(geom));
     let mut points = Vec::new();
     for (body, pose) in scene.bodies.iter().zip(poses) {
-        for geom in body.geoms.iter().filter(|geom| geom.visible) {
+        for geom in body.geoms.iter().filter(|geom| geom.visible && !(has_solids && is_plane(geom))) {
             let world_from_geom = pose * geom.body_from_geom;
             points.extend(outline(scene, &geom.shape).into_iter().map(|point| world_from_geom * point));
         }
@@ -168,7 +174,7 @@ fn choose_view(scene: &SceneModel, poses: &[Pose]) -> Pose {
     let right = forward.cross(&Vector3::z()).normalize();
     let axes = Matrix3::from_columns(&[right, forward.cross(&right), forward]);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-    let away_m = radius_m / (0.5 * FRAME.2).sin();
+    let away_m = (radius_m / (0.5 * FRAME.2).sin()).min(FARTHEST_M);
     Pose::from_parts(Translation3::from(middle.coords - forward * away_m), rotation)
 }
 
