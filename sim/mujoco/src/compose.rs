@@ -107,11 +107,10 @@ fn add_tie(spec: &mut MjSpec, tie: &SceneTie) {
     let data = added.data_mut();
     data.fill(0.0);
     if tie.rigid {
-        // Anchor in the second body, then the second body's pose in the first, then how stiff turning is.
-        let first_from_second = in_first * in_second.inverse();
+        // The point in the second body, then in the first, the rotation of the second in the first, how stiff turning is.
         data[..3].copy_from_slice(in_second.translation.vector.as_slice());
-        data[3..6].copy_from_slice(first_from_second.translation.vector.as_slice());
-        data[6..10].copy_from_slice(&wxyz(&first_from_second.rotation));
+        data[3..6].copy_from_slice(in_first.translation.vector.as_slice());
+        data[6..10].copy_from_slice(&wxyz(&(in_first.rotation * in_second.rotation.inverse())));
         data[10] = 1.0;
         added.set_type(mjtEq::mjEQ_WELD);
     } else {

@@ -76,14 +76,14 @@ pub(super) fn find_ties(
     ties
 }
 
-/// A weld holds two bodies as `relpose` says, or as they stand in the scene.
+/// A weld holds two bodies as `relpose` says, which is where the first has the second's anchor, or as they stand.
 fn frames_of_weld(weld: &EqualityWeld, [a, b]: [usize; 2], bodies: &Bodies) -> [Pose; 2] {
     let standing = bodies.world_from[a].inv_mul(&bodies.world_from[b]);
     // A quaternion of zeros means that nothing is said.
     let said = weld.relpose.filter(|pose| pose.rotation.length_squared() > 1e-9);
     let anchor = weld.anchor.unwrap_or_default();
     let anchor = Pose::from_parts(Translation3::from(anchor), nalgebra::UnitQuaternion::identity());
-    [said.map_or(standing, |pose| to_pose(&pose)) * anchor, anchor]
+    [said.map_or(standing * anchor, |pose| to_pose(&pose)), anchor]
 }
 
 /// A connection holds the point that `anchor` names in the first body where the second has it in the scene.
