@@ -136,10 +136,11 @@ fn try_scene(survey: &mut SurveyedScene, engine: &dyn Engine) -> Result<Frame, (
     survey.categories = semantics.objects.into_iter().map(|object| object.category).collect();
     survey.notes = notes;
     let poses = engine.settle(&scene, REST).map_err(WorldError::from).map_err(at(Stage::Simulate))?;
-    let shift =
-        |(body, pose): (&SceneBody, &Pose)| (body.world_from_body.translation.vector - pose.translation.vector).norm();
     // What is not a number is not near.
-    survey.moved = scene.bodies.iter().zip(&poses).filter(|pair| !(shift(*pair) <= 0.01)).count();
+    let stays = |(body, pose): (&SceneBody, &Pose)| {
+        (body.world_from_body.translation.vector - pose.translation.vector).norm() <= 0.01
+    };
+    survey.moved = scene.bodies.iter().zip(&poses).filter(|pair| !stays(*pair)).count();
     let mut rig =
         CameraRig::new(&scene, &[], &LightDraw::unchanged()).map_err(WorldError::from).map_err(at(Stage::Draw))?;
     let (width, height, fov_rad) = FRAME;
