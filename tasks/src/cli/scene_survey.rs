@@ -62,9 +62,8 @@ pub(super) fn run(args: SurveyArgs) -> anyhow::Result<u8> {
     }
     let survey = |file: &PathBuf| {
         let (scene, frame) = survey_scene(file, &*engine);
-        match (&args.frames, frame) {
-            (Some(folder), Some(frame)) => write_frame(folder, file, &frame)?,
-            _ => {}
+        if let (Some(folder), Some(frame)) = (&args.frames, frame) {
+            write_frame(folder, file, &frame)?;
         }
         Ok(scene)
     };
