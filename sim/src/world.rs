@@ -22,7 +22,7 @@ use crate::detect::{SimDetector, label_channel};
 use crate::physics::{Engine, Physics, PhysicsConfig, PhysicsError, Rapier, RobotBody, RobotStart, settle_scene};
 use crate::replay::Moment;
 use crate::robot::{LocalisationConfig, LocalisationNoise, SimRobot, SimRobotError};
-use crate::scene::{BodyMotion, SceneError, SceneModel, Semantics, SemanticsError, scene_file};
+use crate::scene::{BodyMotion, SceneError, SceneModel, SceneNote, Semantics, SemanticsError, scene_file};
 use dsm::Pose;
 use dsm::eval::{TrueRoom, TrueWorld, Truth};
 use dsm::map::{CellState, FreeSpace};
@@ -129,6 +129,7 @@ impl Default for WorldConfig {
 /// A world at rest, ready to run.
 pub struct World {
     scene: SceneModel,
+    notes: Vec<SceneNote>,
     semantics: Semantics,
     solids: Solids,
     robot_height_m: f64,
@@ -151,7 +152,7 @@ impl World {
     /// # Errors
     /// [`WorldError`]: whatever is wrong with the scene, its semantics or the robot's body, and a start without room.
     pub fn load(scene: &Path, robot: Arc<RobotModel>, config: WorldConfig) -> Result<Self, WorldError> {
-        let mut model = SceneModel::load(scene)?;
+        let (mut model, notes) = SceneModel::load_with_notes(scene)?;
         let semantics = Semantics::load(&scene_file(scene), &model)?;
         let solids = Solids::new(&model)?;
         settle(&mut model, &semantics, &solids, &config)?;
@@ -165,7 +166,12 @@ impl World {
         let start = RobotStart { x_m: start.x_m, y_m: start.y_m, yaw_rad: start.yaw_rad, joints };
         let physics = config.engine.build(&model, &body, &start)?;
         let parts = connect(&model, &semantics, &robot, physics, &config)?;
-        Ok(Self { scene: model, semantics, solids, robot_height_m: base.height_m, parts })
+        Ok(Self { scene: model, notes, semantics, solids, robot_height_m: base.height_m, parts })
+    }
+
+    /// What of the scene is not done as its file says.
+    pub fn notes(&self) -> &[SceneNote] {
+        &self.notes
     }
 
     /// Bodies that count as objects, in the order of semantics.toml.

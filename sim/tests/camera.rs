@@ -19,10 +19,19 @@ fn body(name: &str, shape: SceneShape, place: [f64; 3], material: usize) -> Scen
         material,
         friction: 0.5,
         collides: true,
+        kinds: 1,
+        touches: 1,
         visible: true,
     };
     let world_from_body = Pose::translation(place[0], place[1], place[2]);
-    SceneBody { name: name.to_owned(), world_from_body, motion: BodyMotion::Fixed, mass_kg: 0.0, geoms: vec![geom] }
+    SceneBody {
+        name: name.to_owned(),
+        world_from_body,
+        motion: BodyMotion::Fixed,
+        mass_kg: 0.0,
+        spread: None,
+        geoms: vec![geom],
+    }
 }
 
 fn material(name: &str, rgba: [f32; 4]) -> SceneMaterial {
@@ -52,6 +61,7 @@ fn model() -> SceneModel {
         textures: vec![],
         meshes: vec![],
         lights: vec![],
+        ..SceneModel::default()
     }
 }
 

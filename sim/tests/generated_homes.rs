@@ -47,7 +47,7 @@ fn twenty_homes_are_sound() {
         let checked = check_scene(&path, RobotSize::default()).expect("loads");
         assert!(checked.findings.is_empty(), "seed {seed}: {:#?}", checked.findings);
         assert!(checked.free_bodies >= 20, "seed {seed}: {} free bodies", checked.free_bodies);
-        assert!(!checked.held_joints.is_empty(), "seed {seed}: there are doors and drawers");
+        assert!(checked.held_joints().next().is_some(), "seed {seed}: there are doors and drawers");
     }
 }
 

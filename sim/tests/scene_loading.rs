@@ -1,7 +1,7 @@
 //! Contract: an MJCF scene loads into bodies, shapes, masses, surfaces and lights as MuJoCo reads it; a broken scene is
 //! refused with file, line and what was expected.
 
-use dsm_sim::scene::{BodyMotion, LightKind, SceneModel, SceneShape, TextureSpan};
+use dsm_sim::scene::{BodyMotion, Effect, LightKind, SceneModel, SceneShape, TextureSpan};
 use nalgebra::{Point3, Vector3};
 use std::path::{Path, PathBuf};
 
@@ -176,7 +176,7 @@ fn a_truncated_picture_or_mesh_is_refused() {
     let error = scene("<texture name=\"t\" type=\"2d\" file=\"t.png\"/>");
     assert!(error.contains("scene.xml:2:") && error.contains("expected an 8-bit or 16-bit PNG"), "{error}");
     let error = scene("<mesh file=\"m.obj\"/>");
-    assert!(error.contains("scene.xml:2:") && error.contains("expected an OBJ or STL mesh"), "{error}");
+    assert!(error.contains("scene.xml:2:") && error.contains("expected an OBJ, STL or MSH mesh"), "{error}");
 }
 
 #[test]
@@ -188,8 +188,11 @@ fn hinges_are_held_fast_and_reported() {
         r#"<mujoco><worldbody><body name="cupboard"><geom size="1"/>
              <body name="door"><joint name="hinge_1" axis="0 0 1"/><geom size=".1"/></body></body></worldbody></mujoco>"#,
     );
-    let (scene, held) = SceneModel::load_with_joints(&file).expect("valid");
-    assert_eq!((held[0].joint.as_str(), held[0].body.as_str(), held[0].kind), ("hinge_1", "door", "hinge"));
+    let (scene, notes) = SceneModel::load_with_notes(&file).expect("valid");
+    assert_eq!(
+        (notes[0].name.as_deref(), notes[0].line, notes[0].effect),
+        (Some("hinge_1"), Some(2), Effect::HeldFast)
+    );
     // The door is held fast: it is a part of the cupboard, with its geom, and no body of its own.
     assert_eq!(scene.bodies.len(), 2);
     assert_eq!((scene.bodies[1].motion, scene.bodies[1].geoms.len()), (BodyMotion::Fixed, 2));

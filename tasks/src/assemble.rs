@@ -13,6 +13,7 @@ use dsm_robot::drivers::Robot;
 use dsm_robot::limited::Limited;
 use dsm_robot::model::RobotModel;
 use dsm_sim::replay::{Moment, Replay};
+use dsm_sim::scene::summarise_notes;
 use dsm_sim::world::{LabelIds, Perception, StartPose, World, WorldConfig};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -43,6 +44,9 @@ pub fn assemble(spec: &RunSpec) -> Result<Assembled, TaskError> {
 /// As [`assemble`]; `recorder` gets what is needed to see each image again.
 pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<Assembled, TaskError> {
     let (model, world) = load(spec, recorder)?;
+    for note in summarise_notes(world.notes()) {
+        tracing::warn!("{note}");
+    }
     let truth = world.truth_at_start();
     check_names(spec, &world)?;
     let bounds = model

@@ -366,7 +366,7 @@ fn color_of_depth(depth_m: f32) -> [u8; 3] {
     std::array::from_fn(|k| (STOPS[low][k] * (1.0 - share) + STOPS[low + 1][k] * share).round() as u8)
 }
 
-fn encode_png(width: u32, height: u32, pixels: &[[u8; 3]]) -> Vec<u8> {
+pub(crate) fn encode_png(width: u32, height: u32, pixels: &[[u8; 3]]) -> Vec<u8> {
     encode((width, height), png::ColorType::Rgb, png::BitDepth::Eight, pixels.as_flattened())
 }
 

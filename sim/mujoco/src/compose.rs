@@ -3,10 +3,13 @@
 use crate::MujocoConfig;
 use dsm::Pose;
 use dsm_sim::physics::{GRAVITY_M_PER_S2, PhysicsError, SLAB_M, body_inertia};
-use dsm_sim::scene::{BodyMotion, SceneBody, SceneGeom, SceneModel, SceneShape};
-use mujoco_rs::mujoco_c::{mjtCone, mjtDisableBit, mjtEnableBit, mjtInertiaFromGeom, mjtIntegrator, mjtMeshInertia};
-use mujoco_rs::prelude::{MjSpec, MjtGeomBase, SpecItem};
+use dsm_sim::scene::{BodyMotion, SceneBody, SceneGeom, SceneModel, SceneShape, SceneTie};
+use mujoco_rs::mujoco_c::{
+    mjtCone, mjtDisableBit, mjtEnableBit, mjtEq, mjtInertiaFromGeom, mjtIntegrator, mjtMeshInertia,
+};
+use mujoco_rs::prelude::{MjSpec, MjtGeomBase, MjtObjBase, SpecItem};
 use mujoco_rs::wrappers::mj_editing::{MjsBody, MjsGeom};
+use std::collections::BTreeSet;
 
 /// Time constant and damping ratio of contacts: the stiffest that a step of 5 ms bears. With the impedance below, a grip
 /// of 40 N sinks less than 1 mm into what it holds.
@@ -16,6 +19,8 @@ const CONTACT_SOLIMP: [f64; 5] = [0.95, 0.99, 0.001, 0.5, 2.0];
 /// Friction about the contact's normal and against rolling, metres: a pad touches over a few millimetres.
 pub(crate) const SPIN_FRICTION_M: f64 = 0.005;
 pub(crate) const ROLL_FRICTION_M: f64 = 0.0001;
+/// Kind of all geoms of a scene: what touches it, touches everything.
+pub(crate) const ROBOT_MEETS: u32 = 1 << 30;
 /// Room for contacts and their constraints, bytes.
 const MEMORY: i64 = 256 << 20;
 
@@ -60,18 +65,36 @@ pub(crate) fn new_spec(config: &MujocoConfig) -> MjSpec {
     spec
 }
 
-/// Adds the scene's meshes and bodies.
+/// Adds the scene's bodies with the meshes that collide, and what it says about pairs of bodies.
 pub(crate) fn add_scene(spec: &mut MjSpec, scene: &SceneModel) -> Result<(), PhysicsError> {
-    add_scene_meshes(spec, scene)?;
+    // What is only seen needs no hull.
+    add_scene_meshes(spec, scene, |geom| geom.collides)?;
     for (index, body) in scene.bodies.iter().enumerate() {
         add_body(spec, scene, index, body)?;
     }
+    for [a, b] in &scene.excluded {
+        let exclude = spec.add_exclude();
+        exclude.set_bodyname1(&body_name(*a));
+        exclude.set_bodyname2(&body_name(*b));
+    }
+    scene.ties.iter().for_each(|tie| add_tie(spec, tie));
     Ok(())
 }
 
-/// Adds the scene's meshes.
-pub(crate) fn add_scene_meshes(spec: &mut MjSpec, scene: &SceneModel) -> Result<(), PhysicsError> {
-    for (index, mesh) in scene.meshes.iter().enumerate() {
+/// Adds the meshes of the geoms that are kept.
+pub(crate) fn add_scene_meshes(
+    spec: &mut MjSpec,
+    scene: &SceneModel,
+    keeps: impl Fn(&SceneGeom) -> bool,
+) -> Result<(), PhysicsError> {
+    let kept = scene.bodies.iter().flat_map(|body| &body.geoms).filter(|geom| keeps(geom));
+    let used: BTreeSet<usize> = kept
+        .filter_map(|geom| match geom.shape {
+            SceneShape::Mesh { mesh } => Some(mesh),
+            _ => None,
+        })
+        .collect();
+    for (index, mesh) in scene.meshes.iter().enumerate().filter(|(index, _)| used.contains(index)) {
         let vertices: Vec<f32> = mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z]).collect();
         add_mesh(spec, &mesh_name(index), &vertices, &mesh.indices)?;
     }
@@ -92,6 +115,31 @@ pub(crate) fn add_mesh(
     asset.set_userface(&faces);
     asset.set_inertia(mjtMeshInertia::mjMESH_INERTIA_CONVEX);
     Ok(())
+}
+
+/// MuJoCo's weld and connection: the frame in the first body lies on the one in the second.
+fn add_tie(spec: &mut MjSpec, tie: &SceneTie) {
+    let [in_first, in_second] = tie.body_from_tie;
+    let [first, second] = tie.bodies.map(body_name);
+    let added = spec.add_equality();
+    added.set_objtype(MjtObjBase::mjOBJ_BODY);
+    added.set_name1(&first);
+    added.set_name2(&second);
+    let data = added.data_mut();
+    data.fill(0.0);
+    if tie.rigid {
+        // The point in the second body, then in the first, the rotation of the second in the first, how stiff turning is.
+        data[..3].copy_from_slice(in_second.translation.vector.as_slice());
+        data[3..6].copy_from_slice(in_first.translation.vector.as_slice());
+        data[6..10].copy_from_slice(&wxyz(&(in_first.rotation * in_second.rotation.inverse())));
+        data[10] = 1.0;
+        added.set_type(mjtEq::mjEQ_WELD);
+    } else {
+        data[..3].copy_from_slice(in_first.translation.vector.as_slice());
+        added.set_type(mjtEq::mjEQ_CONNECT);
+    }
+    *added.solref_mut() = CONTACT_SOLREF;
+    *added.solimp_mut() = CONTACT_SOLIMP;
 }
 
 fn mesh_name(index: usize) -> String {
@@ -122,6 +170,10 @@ fn add_geom(body: &mut MjsBody, owner: &str, geom: &SceneGeom, name: &str) -> Re
     added.set_name(name).map_err(refused)?;
     set_shape(added, owner, &geom.shape, geom.body_from_geom)?;
     set_contact(added, geom.friction);
+    // The highest bits meet nobody but the robot, which meets everything.
+    let low = |bits: u32| (bits & (ROBOT_MEETS - 1)) as i32;
+    added.set_contype(low(geom.kinds) | ROBOT_MEETS as i32);
+    added.set_conaffinity(low(geom.touches));
     Ok(())
 }
 

@@ -19,15 +19,19 @@ mod compose;
 mod egl;
 mod messages;
 mod picture;
+mod places;
 mod robot;
+mod settle;
 mod world;
 
 pub use picture::{Eye, Picture, PictureError, cast_rays, draw};
 pub use world::MujocoPhysics;
 
+use dsm::Pose;
 use dsm::time::Span;
 use dsm_sim::physics::{Engine, Physics, PhysicsError, RobotBody, RobotStart};
 use dsm_sim::scene::SceneModel;
+use settle::settle_scene;
 
 /// MuJoCo as the engine of a world.
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,6 +45,10 @@ impl Engine for Mujoco {
         start: &RobotStart,
     ) -> Result<Box<dyn Physics>, PhysicsError> {
         Ok(Box::new(MujocoPhysics::new(scene, robot, start, self.0)?))
+    }
+
+    fn settle(&self, scene: &SceneModel, span: Span) -> Result<Vec<Pose>, PhysicsError> {
+        settle_scene(scene, span, &self.0)
     }
 }
 

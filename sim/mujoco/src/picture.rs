@@ -55,7 +55,7 @@ fn seen(scene: &SceneModel, eyes: &[Eye]) -> Result<(Box<MjModel>, Vec<u32>), Ph
     route_messages();
     let mut spec = MjSpec::new();
     spec.compiler_mut().set_degree(true);
-    add_scene_meshes(&mut spec, scene)?;
+    add_scene_meshes(&mut spec, scene, |geom| geom.visible)?;
     let mut labels = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
         let is_drawn = |material: usize| scene.materials.get(material).is_none_or(|m| m.rgba[3] >= VISIBLE_ALPHA);

@@ -1,6 +1,6 @@
 //! The robot as a tree of MuJoCo's bodies: links, joints, motors.
 
-use crate::compose::{add_mesh, add_pair, geom_name, refused, set_contact, set_pose, wxyz};
+use crate::compose::{ROBOT_MEETS, add_mesh, add_pair, geom_name, refused, set_contact, set_pose, wxyz};
 use dsm_robot::model::kinematics::{Inertial, Joint, Link};
 use dsm_robot::model::shapes::{Geometry, Mesh};
 use dsm_robot::model::{JointKind, LinkId};
@@ -238,6 +238,7 @@ fn add_shapes(body: &mut MjsBody, (robot, meshes): (&RobotBody, &Meshes), link: 
         *geom.pos_mut() = pose.translation.vector.into();
         *geom.quat_mut() = wxyz(&pose.rotation);
         set_contact(geom, friction);
+        geom.set_conaffinity(1 | ROBOT_MEETS as i32);
     }
     Ok(())
 }

@@ -1,34 +1,25 @@
 //! A world in motion on MuJoCo.
 
 use crate::MujocoConfig;
-use crate::compose::{add_scene, body_name, new_spec, refused};
+use crate::compose::{add_scene, new_spec, refused};
 use crate::messages::route_messages;
+use crate::places::{BodyPlace, damp, find_places, find_scene_bodies, pose};
 use crate::robot::{BASE_JOINTS, add_grip_pairs, add_robot, link_name};
 use dsm::Pose;
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::{JointNames, JointPositions, JointVelocities};
 use dsm_sim::physics::{
-    ANGULAR_DAMPING_PER_S, BodyVelocity, Contact, ContactParty, JointTarget, LINEAR_DAMPING_PER_S, Motors, Physics,
-    PhysicsError, RobotBody, RobotStart, Setpoint,
+    BodyVelocity, Contact, ContactParty, JointTarget, Motors, Physics, PhysicsError, RobotBody, RobotStart, Setpoint,
 };
-use dsm_sim::scene::{BodyMotion, SceneModel};
+use dsm_sim::scene::SceneModel;
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
-use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Contacts with a force, by pair of parties: sum of forces, depth, point.
 type Touching = BTreeMap<(ContactParty, ContactParty), (f64, f64, Point3<f64>)>;
-
-/// Where a scene body's state lies.
-#[derive(Clone, Copy, Debug)]
-enum BodyPlace {
-    /// It never moves.
-    Fixed(Pose),
-    /// Its position and velocity begin at these indices.
-    Free { position: usize, velocity: usize, center_in_body: Vector3<f64> },
-}
 
 /// Where a joint's state lies.
 #[derive(Clone, Copy, Debug)]
@@ -98,20 +89,8 @@ impl MujocoPhysics {
             })
         };
         let links = link_names.iter().map(find_link).collect::<Result<Vec<_>, _>>()?;
-        let scene_bodies: Vec<usize> =
-            (0..scene.bodies.len()).map(|index| find_body(&model, &body_name(index))).collect::<Result<_, _>>()?;
-        let places = scene.bodies.iter().zip(&scene_bodies).map(|(body, id)| match body.motion {
-            BodyMotion::Fixed => BodyPlace::Fixed(body.world_from_body),
-            BodyMotion::Free => {
-                let joint = model.body_jntadr()[*id] as usize;
-                BodyPlace::Free {
-                    position: model.jnt_qposadr()[joint] as usize,
-                    velocity: model.jnt_dofadr()[joint] as usize,
-                    center_in_body: model.body_ipos()[*id].into(),
-                }
-            }
-        });
-        let bodies: Vec<BodyPlace> = places.collect();
+        let scene_bodies = find_scene_bodies(&model, scene)?;
+        let bodies = find_places(&model, scene, &scene_bodies);
         let of_geom = |body: &i32| {
             let body = *body as usize;
             let scene_body = scene_bodies.iter().position(|id| *id == body).map(ContactParty::Body);
@@ -266,32 +245,10 @@ impl MujocoPhysics {
     }
 }
 
-fn find_body(model: &MjModel, name: &str) -> Result<usize, PhysicsError> {
-    model.name_to_id(MjtObjBase::mjOBJ_BODY, name).ok_or_else(|| refused(format!("lost body `{name}`")))
-}
-
 fn find_joint(model: &MjModel, name: &str) -> Result<JointPlace, PhysicsError> {
     let joint = model.name_to_id(MjtObjBase::mjOBJ_JOINT, name);
     let joint = joint.ok_or_else(|| refused(format!("lost joint `{name}`")))?;
     Ok(JointPlace { position: model.jnt_qposadr()[joint] as usize, velocity: model.jnt_dofadr()[joint] as usize })
-}
-
-/// Rolling and air resistance, in proportion to mass and inertia.
-fn damp(model: &mut MjModel, bodies: &[BodyPlace], ids: &[usize]) {
-    for (place, id) in bodies.iter().zip(ids) {
-        let BodyPlace::Free { velocity, .. } = *place else { continue };
-        let (mass, moments) = (model.body_mass()[*id], model.body_inertia()[*id]);
-        let mean = moments.iter().sum::<f64>() / 3.0;
-        let damping = &mut model.dof_damping_mut()[velocity..velocity + 6];
-        damping[..3].fill(LINEAR_DAMPING_PER_S * mass);
-        damping[3..].fill(ANGULAR_DAMPING_PER_S * mean);
-    }
-}
-
-fn pose(position: &[f64; 3], wxyz: &[f64; 4]) -> Pose {
-    let [w, x, y, z] = *wxyz;
-    let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
-    Pose::from_parts(Translation3::new(position[0], position[1], position[2]), rotation)
 }
 
 impl Physics for MujocoPhysics {
@@ -318,13 +275,7 @@ impl Physics for MujocoPhysics {
     }
 
     fn world_from_body(&self, body: usize) -> Pose {
-        match self.bodies[body] {
-            BodyPlace::Fixed(pose) => pose,
-            BodyPlace::Free { position, .. } => {
-                let q = &self.data.qpos()[position..position + 7];
-                pose(&[q[0], q[1], q[2]], &[q[3], q[4], q[5], q[6]])
-            }
-        }
+        self.bodies[body].pose(self.data.qpos())
     }
 
     fn body_velocity(&self, body: usize) -> BodyVelocity {

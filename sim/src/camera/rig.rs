@@ -3,7 +3,7 @@
 use super::light::{LightDraw, find_main};
 use super::shapes;
 use super::visual::{RobotVisual, as_solid};
-use crate::scene::{SceneMaterial, SceneModel, SceneShape, TextureSpan};
+use crate::scene::{SceneMaterial, SceneMesh, SceneModel, SceneShape, TextureSpan};
 use dsm::Pose;
 use dsm::camera::CameraModel;
 use dsm::raster::{
@@ -90,7 +90,8 @@ impl CameraRig {
                 let material = get(&model.materials, geom.material, &body.name, "material")?;
                 if material.rgba[3] >= VISIBLE_ALPHA {
                     let look = builder.add_material(material, &body.name)?;
-                    let mesh = builder.find_or_add_mesh(&geom.shape, material.texture_span, &body.name)?;
+                    let mesh =
+                        builder.find_or_add_mesh(&model.meshes, &geom.shape, material.texture_span, &body.name)?;
                     builder.place(mesh, look, label_of_body(index), Carrier::Body(index), geom.body_from_geom);
                 }
             }
@@ -172,10 +173,9 @@ const SHININESS_MAX: f32 = 128.0;
 struct Builder {
     scene: Scene,
     carried: Vec<(Carrier, Pose)>,
-    /// Solids of the same size share a mesh.
+    /// Shapes that are the same share a mesh.
     solids: Vec<(SceneShape, TextureSpan, MeshIndex)>,
     parts: Vec<(Arc<PartMesh>, MeshIndex)>,
-    meshes: Vec<MeshIndex>,
     textures: Vec<TextureIndex>,
 }
 
@@ -188,12 +188,7 @@ impl Builder {
                 .map_err(|source| CameraError::Texture { name: texture.name.clone(), source })?;
             textures.push(scene.add_texture(made));
         }
-        let mut meshes = Vec::new();
-        for mesh in &model.meshes {
-            let made = shapes::mesh(mesh).map_err(|source| CameraError::Mesh { name: mesh.name.clone(), source })?;
-            meshes.push(scene.add_mesh(made));
-        }
-        Ok(Self { scene, carried: Vec::new(), solids: Vec::new(), parts: Vec::new(), meshes, textures })
+        Ok(Self { scene, carried: Vec::new(), solids: Vec::new(), parts: Vec::new(), textures })
     }
 
     fn add_material(&mut self, material: &SceneMaterial, body: &str) -> Result<MaterialIndex, CameraError> {
@@ -215,18 +210,22 @@ impl Builder {
 
     fn find_or_add_mesh(
         &mut self,
+        meshes: &[SceneMesh],
         shape: &SceneShape,
         span: TextureSpan,
         owner: &str,
     ) -> Result<MeshIndex, CameraError> {
-        if let SceneShape::Mesh { mesh } = shape {
-            return get(&self.meshes, *mesh, owner, "mesh").copied();
-        }
         let known = self.solids.iter().find(|(known, counted, _)| known == shape && *counted == span);
         if let Some((_, _, index)) = known {
             return Ok(*index);
         }
-        let made = shapes::solid(shape, span).map_err(|source| CameraError::Mesh { name: owner.to_owned(), source })?;
+        let made = match shape {
+            SceneShape::Mesh { mesh } => {
+                let mesh = get(meshes, *mesh, owner, "mesh")?;
+                shapes::mesh(mesh, span).map_err(|source| CameraError::Mesh { name: mesh.name.clone(), source })?
+            }
+            _ => shapes::solid(shape, span).map_err(|source| CameraError::Mesh { name: owner.to_owned(), source })?,
+        };
         let index = self.scene.add_mesh(made);
         self.solids.push((shape.clone(), span, index));
         Ok(index)
@@ -235,7 +234,7 @@ impl Builder {
     /// The mesh of a part of the robot; parts of the same file share it.
     fn find_or_add_part(&mut self, geometry: &Geometry) -> Result<MeshIndex, CameraError> {
         let part = match as_solid(geometry) {
-            Ok(solid) => return self.find_or_add_mesh(&solid, TextureSpan::Face, "robot"),
+            Ok(solid) => return self.find_or_add_mesh(&[], &solid, TextureSpan::Face, "robot"),
             Err(mesh) => mesh,
         };
         if let Some((_, index)) = self.parts.iter().find(|(known, _)| Arc::ptr_eq(known, part)) {

@@ -3,7 +3,7 @@
 use crate::scene::{SceneMesh, SceneShape, TextureSpan};
 use dsm::raster::{Mesh, MeshError};
 use dsm_robot::model::shapes::Mesh as PartMesh;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use std::f32::consts::PI;
 
 /// Half side of an unbounded plane in metres: farther than any indoor camera sees.
@@ -17,7 +17,38 @@ pub(super) fn solid(shape: &SceneShape, span: TextureSpan) -> Result<Mesh, MeshE
     // The texture of an unbounded plane always counts metres: its face has no size.
     let unbounded = matches!(shape, SceneShape::Plane { half_m } if half_m.contains(&0.0));
     let mesh = by_faces(shape)?;
-    if span == TextureSpan::Metre || unbounded { in_metres(&mesh, shape) } else { Ok(mesh) }
+    // A box and a plane have the faces of a cube already.
+    let round = !matches!(shape, SceneShape::Plane { .. } | SceneShape::Box { .. });
+    match span {
+        TextureSpan::Cube if round => around_cube(&mesh),
+        _ if unbounded => in_metres(&mesh, shape),
+        TextureSpan::Metre => in_metres(&mesh, shape),
+        TextureSpan::Face | TextureSpan::Cube => Ok(mesh),
+    }
+}
+
+/// The same mesh seen from its middle onto a cube that carries the picture on each side. Each triangle lies on one side.
+fn around_cube(mesh: &Mesh) -> Result<Mesh, MeshError> {
+    let (mut positions, mut normals, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
+    for triangle in mesh.indices() {
+        let corners = triangle.map(|vertex| mesh.positions()[vertex as usize]);
+        let middle = corners.iter().map(|corner| corner.coords).sum::<Vector3<f32>>();
+        let (axis, sign) = (middle.abs().imax(), middle[middle.abs().imax()].signum());
+        for (vertex, corner) in triangle.iter().zip(corners) {
+            // Directions to the right and down on the side, as one looks at it from outside.
+            let (right, down) = match axis {
+                0 => (corner.y * sign, -corner.z),
+                1 => (-corner.x * sign, -corner.z),
+                _ => (corner.x, -corner.y * sign),
+            };
+            let depth = corner[axis].abs().max(1e-6);
+            uvs.push([right, down].map(|along| 0.5 + 0.5 * (along / depth).clamp(-1.0, 1.0)));
+            positions.push(corner);
+            normals.push(mesh.normals()[*vertex as usize]);
+        }
+    }
+    let indices = (0..mesh.indices().len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    Mesh::new(positions, normals, uvs, indices)
 }
 
 fn by_faces(shape: &SceneShape) -> Result<Mesh, MeshError> {
@@ -74,9 +105,22 @@ fn in_metres(mesh: &Mesh, shape: &SceneShape) -> Result<Mesh, MeshError> {
 }
 
 /// The mesh of a file.
-pub(super) fn mesh(mesh: &SceneMesh) -> Result<Mesh, MeshError> {
+pub(super) fn mesh(mesh: &SceneMesh, span: TextureSpan) -> Result<Mesh, MeshError> {
+    if span == TextureSpan::Cube {
+        return around_cube(&mesh_of_file(mesh)?);
+    }
+    mesh_of_file(mesh)
+}
+
+fn mesh_of_file(mesh: &SceneMesh) -> Result<Mesh, MeshError> {
     if mesh.normals.is_empty() {
-        return Mesh::from_triangles(&mesh.positions, &mesh.indices, CREASE_RAD);
+        let made = Mesh::from_triangles(&mesh.positions, &mesh.indices, CREASE_RAD)?;
+        if mesh.uvs.is_empty() || made.indices().len() != mesh.indices.len() {
+            return Ok(made);
+        }
+        // Three vertices a triangle, in the order of the triangles.
+        let uvs = mesh.indices.iter().flatten().map(|vertex| mesh.uvs[*vertex as usize]).collect();
+        return Mesh::new(made.positions().to_vec(), made.normals().to_vec(), uvs, made.indices().to_vec());
     }
     let uvs = if mesh.uvs.is_empty() { vec![[0.0; 2]; mesh.positions.len()] } else { mesh.uvs.clone() };
     Mesh::new(mesh.positions.clone(), mesh.normals.clone(), uvs, mesh.indices.clone())
@@ -101,7 +145,6 @@ fn segments(radius_m: f64) -> u32 {
 mod tests {
     //! Contract: solids have the size of their shapes, and textures count faces or metres as asked.
     use super::*;
-    use nalgebra::Vector3;
 
     #[test]
     fn a_box_counts_faces_or_metres() {
@@ -122,5 +165,18 @@ mod tests {
         let mesh = solid(&shape, TextureSpan::Face).expect("sound");
         assert!(mesh.bounding_sphere().1 >= 20.0);
         assert_eq!(mesh.uvs().iter().map(|uv| uv[0]).fold(0.0, f32::max), 2.0 * UNBOUNDED_HALF_M);
+    }
+
+    #[test]
+    fn a_cube_shows_its_picture_once_on_each_side() {
+        let sphere = solid(&SceneShape::Sphere { radius_m: 0.5 }, TextureSpan::Cube).expect("sound");
+        let close = |point: [f32; 3], uv: [f32; 2]| {
+            let at = Vector3::from(point);
+            let near = sphere.positions().iter().zip(sphere.uvs()).filter(|(p, _)| (p.coords - at).norm() < 1e-4);
+            near.into_iter().all(|(_, found)| (found[0] - uv[0]).hypot(found[1] - uv[1]) < 1e-3)
+        };
+        assert!(close([0.5, 0.0, 0.0], [0.5, 0.5]) && close([0.0, 0.0, 0.5], [0.5, 0.5]));
+        let is_share = |uv: &[f32; 2]| uv.iter().all(|c| (0.0..=1.0).contains(c));
+        assert!(sphere.uvs().iter().all(is_share));
     }
 }

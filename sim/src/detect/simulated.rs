@@ -278,6 +278,7 @@ mod tests {
             world_from_body: Pose::identity(),
             motion: BodyMotion::Fixed,
             mass_kg: 0.0,
+            spread: None,
             geoms: vec![],
         };
         let bodies: Vec<SceneBody> = (0..=count).map(|i| body(format!("{prefix}{i}"))).collect();
@@ -294,6 +295,7 @@ mod tests {
             textures: vec![],
             meshes: vec![],
             lights: vec![],
+            ..SceneModel::default()
         };
         (scene, semantics)
     }

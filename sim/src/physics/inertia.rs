@@ -3,8 +3,8 @@
 use super::PhysicsError;
 use super::convert::{from_point, from_vector, to_pose};
 use super::shapes::scene_shape;
-use crate::scene::{BodyMotion, SceneBody, SceneModel};
-use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
+use crate::scene::{BodyMotion, MassSpread, SceneBody, SceneModel};
+use nalgebra::{Point3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use rapier3d::prelude::MassProperties;
 use rapier3d::prelude::SharedShape;
 
@@ -21,11 +21,14 @@ pub struct BodyInertia {
     pub moments_kg_m2: Vector3<f64>,
 }
 
-/// Mass properties of a free body: its mass spread over the colliding geoms by volume.
+/// Mass properties of a free body: as the scene says, else its mass spread over the colliding geoms by volume.
 ///
 /// # Errors
 /// [`PhysicsError::NoMass`] without a mass, [`PhysicsError::BadShape`] without volume.
 pub fn body_inertia(scene: &SceneModel, body: &SceneBody) -> Result<BodyInertia, PhysicsError> {
+    if let Some(spread) = &body.spread {
+        return written_inertia(body, spread);
+    }
     let mut shapes = Vec::new();
     for geom in body.geoms.iter().filter(|geom| geom.collides) {
         let (geom_from_shape, shape) = scene_shape(scene, &body.name, &geom.shape, body.motion)?;
@@ -43,6 +46,29 @@ pub fn body_inertia(scene: &SceneModel, body: &SceneBody) -> Result<BodyInertia,
         center_in_body: from_point(sum.local_com),
         body_from_principal: UnitQuaternion::new_normalize(rotation),
         moments_kg_m2: from_vector(sum.principal_inertia()),
+    })
+}
+
+/// What the scene says, about the principal axes.
+fn written_inertia(body: &SceneBody, spread: &MassSpread) -> Result<BodyInertia, PhysicsError> {
+    if !(body.mass_kg > 0.0 && body.mass_kg.is_finite()) {
+        return Err(PhysicsError::NoMass { name: body.name.clone(), mass_kg: body.mass_kg });
+    }
+    let eigen = spread.inertia_kg_m2.symmetric_eigen();
+    let mut axes = eigen.eigenvectors;
+    if axes.determinant() < 0.0 {
+        axes.column_mut(2).neg_mut();
+    }
+    let moments = eigen.eigenvalues;
+    if !moments.iter().all(|moment| moment.is_finite() && *moment > 0.0) {
+        let reason = format!("principal moments of inertia must be above 0, got {:?}", moments.as_slice());
+        return Err(PhysicsError::BadShape { owner: body.name.clone(), reason });
+    }
+    Ok(BodyInertia {
+        mass_kg: body.mass_kg,
+        center_in_body: spread.center_in_body,
+        body_from_principal: UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes)),
+        moments_kg_m2: moments,
     })
 }
 

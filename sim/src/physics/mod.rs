@@ -16,6 +16,7 @@ mod motors;
 mod rapier;
 mod robot_body;
 mod robot_spec;
+mod scene_body;
 mod settle;
 mod shapes;
 
@@ -201,6 +202,12 @@ pub trait Engine: std::fmt::Debug + Send + Sync {
         robot: &RobotBody,
         start: &RobotStart,
     ) -> Result<Box<dyn Physics>, PhysicsError>;
+
+    /// Leaves the scene to itself for `span`, without a robot, and gives the poses of its bodies in their order.
+    ///
+    /// # Errors
+    /// As [`Engine::build`].
+    fn settle(&self, scene: &SceneModel, span: Span) -> Result<Vec<Pose>, PhysicsError>;
 }
 
 /// A world in motion. Only [`Physics::step`] changes it; reading never does.

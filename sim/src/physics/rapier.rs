@@ -1,22 +1,22 @@
 //! Physics on rapier.
 
-use super::convert::{from_point, from_pose, from_vector, to_pose};
+use super::GRAVITY_M_PER_S2;
+use super::convert::{from_point, from_pose, from_vector};
 use super::drive::{after_step, before_step};
-use super::inertia::density;
 use super::motors::Motors;
 use super::robot_body::{BuiltRobot, build_robot, find_link_of_tag};
 use super::robot_spec::{RobotBody, RobotStart};
-use super::shapes::scene_shape;
-use super::{ANGULAR_DAMPING_PER_S, GRAVITY_M_PER_S2, LINEAR_DAMPING_PER_S};
+use super::scene_body::{IgnoredPairs, insert_scene};
+use super::settle::settle_scene;
 use super::{BodyVelocity, Contact, ContactParty, Engine, JointTarget, Physics, PhysicsConfig, PhysicsError};
-use crate::scene::{BodyMotion, SceneBody, SceneModel};
+use crate::scene::SceneModel;
 use dsm::Pose;
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::{JointNames, JointPositions, JointVelocities};
 use nalgebra::{Point3, Vector3};
 use rapier3d::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Natural frequency of contacts, Hz.
 const CONTACT_HZ: f32 = 100.0;
@@ -34,6 +34,11 @@ impl Engine for Rapier {
     ) -> Result<Box<dyn Physics>, PhysicsError> {
         Ok(Box::new(RapierPhysics::new(scene, robot, start, self.0)?))
     }
+
+    fn settle(&self, scene: &SceneModel, span: Span) -> Result<Vec<Pose>, PhysicsError> {
+        check(&self.0)?;
+        settle_scene(scene, span, self.0)
+    }
 }
 
 /// The world on rapier, single precision, deterministic on one thread.
@@ -45,20 +50,6 @@ pub struct RapierPhysics {
     filter: IgnoredPairs,
     step: Span,
     steps: i64,
-}
-
-/// Tells the engine which links never collide.
-struct IgnoredPairs(BTreeSet<(usize, usize)>);
-
-impl PhysicsHooks for IgnoredPairs {
-    fn filter_contact_pair(&self, context: &PairFilterContext) -> Option<SolverFlags> {
-        let link = |collider| context.colliders.get(collider).and_then(|c| find_link_of_tag(c.user_data));
-        let ignored = match (link(context.collider1), link(context.collider2)) {
-            (Some(a), Some(b)) => a == b || self.0.contains(&(a.min(b), a.max(b))),
-            _ => false,
-        };
-        (!ignored).then_some(SolverFlags::COMPUTE_RIGID_IMPULSES)
-    }
 }
 
 impl RapierPhysics {
@@ -75,17 +66,14 @@ impl RapierPhysics {
     ) -> Result<Self, PhysicsError> {
         check(&config)?;
         let mut world = new_world(config);
-        let mut scene_bodies = Vec::with_capacity(scene.bodies.len());
-        for (index, body) in scene.bodies.iter().enumerate() {
-            scene_bodies.push(insert_body(&mut world, scene, index, body)?);
-        }
+        let scene_bodies = insert_scene(&mut world, scene)?;
         let built = build_robot(robot, &mut world)?;
         let positions = robot.start_positions(&built.moving, start)?;
         place_robot(&mut world, &built, start, &positions);
         let fingers = (built.finger_joints, robot.fingers.max_force_n);
         let base = [start.x_m, start.y_m, start.yaw_rad];
         let motors = Motors::new(&built.moving, fingers, robot.drive, base, &positions);
-        let filter = IgnoredPairs(built.ignored.clone());
+        let filter = IgnoredPairs::new(scene, built.ignored.clone());
         Ok(Self { world, scene_bodies, robot: built, motors, filter, step: config.step, steps: 0 })
     }
 
@@ -154,41 +142,6 @@ pub(super) fn check(config: &PhysicsConfig) -> Result<(), PhysicsError> {
         return out("sweeps", config.sweeps as f64, "1 to 8");
     }
     Ok(())
-}
-
-pub(super) fn insert_body(
-    world: &mut PhysicsWorld,
-    scene: &SceneModel,
-    index: usize,
-    body: &SceneBody,
-) -> Result<RigidBodyHandle, PhysicsError> {
-    let builder = match body.motion {
-        BodyMotion::Fixed => RigidBodyBuilder::fixed(),
-        BodyMotion::Free => RigidBodyBuilder::dynamic()
-            .linear_damping(LINEAR_DAMPING_PER_S as f32)
-            .angular_damping(ANGULAR_DAMPING_PER_S as f32),
-    };
-    let handle = world.insert_body(builder.pose(to_pose(&body.world_from_body)));
-    let mut shapes = Vec::new();
-    for geom in body.geoms.iter().filter(|g| g.collides) {
-        let (geom_from_shape, shape) = scene_shape(scene, &body.name, &geom.shape, body.motion)?;
-        shapes.push((to_pose(&geom.body_from_geom) * geom_from_shape, shape, geom.friction as f32));
-    }
-    let density = density(body, shapes.iter().map(|(_, shape, _)| shape))?;
-    for (pose, shape, friction) in shapes {
-        let collider = ColliderBuilder::new(shape)
-            .position(pose)
-            .density(density)
-            .friction(friction)
-            .friction_combine_rule(CoefficientCombineRule::GeometricMean)
-            .user_data(index as u128);
-        world.insert_collider(collider, Some(handle));
-    }
-    // Mass properties are otherwise computed with the first step only.
-    if let Some(body) = world.bodies.get_mut(handle) {
-        body.recompute_mass_properties_from_colliders(&world.colliders);
-    }
-    Ok(handle)
 }
 
 /// Moves base and joints to the start.

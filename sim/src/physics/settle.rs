@@ -1,21 +1,21 @@
 //! A scene left to itself, without a robot.
 
 use super::convert::from_pose;
-use super::rapier::{insert_body, new_world};
+use super::rapier::new_world;
+use super::scene_body::{IgnoredPairs, insert_scene};
 use super::{PhysicsConfig, PhysicsError};
 use crate::scene::SceneModel;
 use dsm::Pose;
 use dsm::time::Span;
+use std::collections::BTreeSet;
 
 /// Lets the scene rest for `span` and returns the pose of every body, in the order of the scene.
 pub(crate) fn settle_scene(scene: &SceneModel, span: Span, config: PhysicsConfig) -> Result<Vec<Pose>, PhysicsError> {
     let mut world = new_world(config);
-    let mut handles = Vec::with_capacity(scene.bodies.len());
-    for (index, body) in scene.bodies.iter().enumerate() {
-        handles.push(insert_body(&mut world, scene, index, body)?);
-    }
+    let handles = insert_scene(&mut world, scene)?;
+    let filter = IgnoredPairs::new(scene, BTreeSet::new());
     for _ in 0..span.0 / config.step.0.max(1) {
-        world.step_with_events(&(), &());
+        world.step_with_events(&filter, &());
     }
     Ok(handles.into_iter().map(|handle| from_pose(world.bodies[handle].position())).collect())
 }

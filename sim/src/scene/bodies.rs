@@ -1,15 +1,17 @@
 //! Bodies: nesting resolved to world poses, masses; what is rigidly attached to a free body, or held fast at another
 //! body, merged into it.
 
+use super::defaults::is_default;
 use super::error::{Place, SceneError};
-use super::mesh::{find_mesh, mesh_volume_m3};
-use super::model::{BodyMotion, SceneBody, SceneGeom, SceneMesh, SceneShape};
+use super::geom::{shape_of, volume_m3};
+use super::model::{BodyMotion, MassSpread, SceneBody, SceneGeom, SceneMesh, SceneShape};
 use super::source::Source;
 use super::surface::Materials;
 use dsm::Pose;
-use mjcf_rs::body::{Geom, GeomType, Joint, JointType};
+use mjcf_rs::body::{Body, InertiaSpec, Inertial, JointType};
+use mjcf_rs::compiler::InertiaFromGeom;
 use mjcf_rs::glam::{DQuat, DVec3};
-use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
 
 /// Geoms of MuJoCo's groups above this are not drawn.
@@ -18,23 +20,16 @@ const LAST_VISIBLE_GROUP: i32 = 2;
 /// Index of the world's own body.
 const WORLD: usize = 0;
 
-/// A joint that is held fast because articulated scenes come later.
-#[derive(Clone, Debug, PartialEq)]
-pub struct HeldJoint {
-    /// Name of the joint, or of its body when it has none.
-    pub joint: String,
-    /// The body that it would move.
-    pub body: String,
-    /// `hinge`, `slide` or `ball`.
-    pub kind: &'static str,
-}
-
-/// Bodies, and the joints that are held fast.
+/// Bodies of a scene, and what became of those of the file.
 pub(super) struct Bodies {
     /// All bodies; index 0 is `world`.
     pub bodies: Vec<SceneBody>,
-    /// Joints that are held fast.
-    pub held: Vec<HeldJoint>,
+    /// For each parsed body the index of the one that it became a part of.
+    pub owner: Vec<usize>,
+    /// Parsed bodies with a free joint that touch nothing and so are held where they stand.
+    pub untouchable: Vec<usize>,
+    /// World poses of the parsed bodies.
+    pub world_from: Vec<Pose>,
 }
 
 /// A pose of the MJCF parser as ours.
@@ -55,6 +50,8 @@ pub(super) struct Context<'a> {
     nodes: Vec<Node<'a, 'a>>,
     /// Geom elements in document order.
     geoms: Vec<Node<'a, 'a>>,
+    /// Groups of geoms that add to the mass of their body.
+    weighing_groups: std::ops::RangeInclusive<i32>,
 }
 
 fn owner_of<'a>(geom: Node<'a, 'a>) -> Option<Node<'a, 'a>> {
@@ -70,20 +67,27 @@ impl<'a> Context<'a> {
         document: &'a Document<'a>,
     ) -> Self {
         let elements = || document.root_element().descendants();
-        let in_defaults = |n: &Node<'_, '_>| n.ancestors().any(|a| a.has_tag_name("default"));
         let nodes = elements().filter(|n| n.has_tag_name("body")).collect();
-        let geoms = elements().filter(|n| n.has_tag_name("geom") && !in_defaults(n)).collect();
-        Self { model, meshes, source, nodes, geoms }
+        let geoms = elements().filter(|n| n.has_tag_name("geom") && !is_default(n)).collect();
+        // The parser leaves this attribute out.
+        let range = elements().filter_map(|n| n.attribute("inertiagrouprange")).next_back().unwrap_or_default();
+        let bounds: Vec<i32> = range.split_ascii_whitespace().flat_map(str::parse).collect();
+        let weighing_groups = if let [low, high] = bounds[..] { low..=high } else { i32::MIN..=i32::MAX };
+        Self { model, meshes, source, nodes, geoms, weighing_groups }
+    }
+
+    /// The element of a parsed body.
+    pub(super) fn node(&self, id: usize) -> Option<Node<'a, 'a>> {
+        id.checked_sub(1).and_then(|i| self.nodes.get(i)).copied()
     }
 
     fn place_of_body(&self, id: usize) -> Place {
-        let offset = id.checked_sub(1).and_then(|i| self.nodes.get(i)).map_or(0, |node| node.range().start);
-        self.source.place(offset)
+        self.source.place(self.node(id).map_or(0, |node| node.range().start))
     }
 
     /// Where the `index`-th geom of a body stands; the body's own place when that is not known.
     fn place_of_geom(&self, id: usize, index: usize) -> Place {
-        let wanted = id.checked_sub(1).and_then(|i| self.nodes.get(i)).copied();
+        let wanted = self.node(id);
         let mut own = self.geoms.iter().filter(|geom| owner_of(**geom) == wanted);
         own.nth(index).map_or_else(|| self.place_of_body(id), |node| self.source.place(node.range().start))
     }
@@ -92,19 +96,21 @@ impl<'a> Context<'a> {
 /// Builds all bodies.
 pub(super) fn build_bodies(context: &Context<'_>, materials: &mut Materials) -> Result<Bodies, SceneError> {
     let entries = &context.model.bodies;
-    let mut world_from: Vec<Pose> = Vec::with_capacity(entries.len());
-    // Index into `bodies` of the rigid body that each parsed body became part of.
-    let mut owner: Vec<usize> = Vec::with_capacity(entries.len());
-    let mut out = Bodies { bodies: Vec::new(), held: Vec::new() };
+    let count = entries.len();
+    let (mut world_from, mut owner) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    let mut out: Vec<SceneBody> = Vec::new();
+    let mut untouchable = Vec::new();
+    // Mass and its spread by parsed body, in the frame of the owner.
+    let mut parts: Vec<(f64, Option<MassSpread>)> = Vec::with_capacity(count);
     for (id, entry) in entries.iter().enumerate() {
         let parent = entry.parent;
-        let pose = parent.map_or_else(Pose::identity, |p| world_from[p] * to_pose(&entry.body.pose));
+        let pose = parent.map_or_else(Pose::identity, |p: usize| world_from[p] * to_pose(&entry.body.pose));
         world_from.push(pose);
         let name = match id {
             0 => "world".to_owned(),
             _ => entry.body.name.clone().unwrap_or_else(|| format!("body_{id}")),
         };
-        let free = entry.body.joints.iter().any(|joint| joint.type_ == JointType::Free);
+        let mut free = entry.body.joints.iter().any(|joint| joint.type_ == JointType::Free);
         if free && parent != Some(0) {
             return Err(SceneError::Unsupported {
                 place: context.place_of_body(id),
@@ -112,124 +118,136 @@ pub(super) fn build_bodies(context: &Context<'_>, materials: &mut Materials) -> 
                 hint: "free bodies stand directly in <worldbody>".to_owned(),
             });
         }
-        let held_before = out.held.len();
-        out.held.extend(entry.body.joints.iter().filter_map(|joint| held(joint, &name)));
+        if free && touches_nothing(context.model, id) {
+            free = false;
+            untouchable.push(id);
+        }
         // A door that is held fast is a part of its cupboard, not a thing of its own.
-        let is_part = out.held.len() > held_before;
-        let parent_owner = parent.map(|p| owner[p]);
-        let merged = parent_owner.filter(|p| out.bodies[*p].motion == BodyMotion::Free || (is_part && *p != WORLD));
-        let index = merged.unwrap_or(out.bodies.len());
+        let is_part = entry.body.joints.iter().any(|joint| joint.type_ != JointType::Free);
+        let parent_owner: Option<usize> = parent.map(|p| owner[p]);
+        let merged = parent_owner.filter(|p| out[*p].motion == BodyMotion::Free || (is_part && *p != WORLD));
+        let index = merged.unwrap_or(out.len());
         owner.push(index);
         if merged.is_none() {
             let motion = if free { BodyMotion::Free } else { BodyMotion::Fixed };
-            out.bodies.push(SceneBody { name, world_from_body: pose, motion, mass_kg: 0.0, geoms: Vec::new() });
+            let body = SceneBody { name, world_from_body: pose, motion, mass_kg: 0.0, spread: None, geoms: Vec::new() };
+            out.push(body);
         }
-        let body_from_part = out.bodies[index].world_from_body.inv_mul(&pose);
-        let mut geom_mass_kg = 0.0;
-        for (number, geom) in entry.body.geoms.iter().enumerate() {
-            let shape = shape_of(geom, context).map_err(|misfit| SceneError::BadValue {
-                place: context.place_of_geom(id, number),
-                what: format!("`size` of a {:?} geom", geom.type_).to_lowercase(),
-                value: format!("{} {} {}", geom.size[0], geom.size[1], geom.size[2]),
-                expected: misfit,
-            })?;
-            let Some((geom_pose, shape)) = shape else { continue };
-            geom_mass_kg += geom.mass.unwrap_or_else(|| {
-                geom.density.unwrap_or(context.model.compiler.inertia_density) * volume_m3(&shape, context.meshes)
-            });
-            let material = materials.index_of(geom.material.as_deref(), geom.rgba);
-            out.bodies[index].geoms.push(SceneGeom {
-                name: geom.name.clone(),
-                body_from_geom: body_from_part * geom_pose,
-                shape,
-                friction: geom.friction[0],
-                collides: geom.contype != 0 || geom.conaffinity != 0,
-                visible: geom.group <= LAST_VISIBLE_GROUP && materials.list[material].rgba[3] > 0.0,
-                material,
-            });
-        }
-        if out.bodies[index].motion == BodyMotion::Free {
-            out.bodies[index].mass_kg += entry.body.inertial.as_ref().map_or(geom_mass_kg, |inertial| inertial.mass);
-        }
+        let body_from_part = out[index].world_from_body.inv_mul(&pose);
+        let geom_mass_kg = add_geoms(context, materials, id, &body_from_part, &mut out[index])?;
+        let written = entry.body.inertial.as_ref();
+        let written = written.filter(|_| context.model.compiler.inertia_from_geom != InertiaFromGeom::True);
+        parts.push(match written {
+            Some(inertial) => (inertial.mass, spread_of(inertial, &body_from_part)),
+            None => (geom_mass_kg, None),
+        });
     }
+    weigh(&mut out, &owner, &parts);
+    out.iter_mut().enumerate().for_each(|(index, body)| hide_stand_ins(index == WORLD, body, materials));
     for (id, &index) in owner.iter().enumerate() {
-        let body = &out.bodies[index];
+        let body = &out[index];
         if body.motion == BodyMotion::Free && !(body.mass_kg > 0.0 && body.mass_kg.is_finite()) {
             return Err(SceneError::NoMass { place: context.place_of_body(id), body: body.name.clone() });
         }
     }
-    Ok(out)
+    Ok(Bodies { bodies: out, owner, untouchable, world_from })
 }
 
-fn held(joint: &Joint, body: &str) -> Option<HeldJoint> {
-    let kind = match joint.type_ {
-        JointType::Free => return None,
-        JointType::Hinge => "hinge",
-        JointType::Slide => "slide",
-        JointType::Ball => "ball",
-    };
-    let name = joint.name.clone().unwrap_or_else(|| body.to_owned());
-    Some(HeldJoint { joint: name, body: body.to_owned(), kind })
-}
-
-/// Pose in the body and shape of a geom; `None` when it has neither extent nor mesh. The error says what was expected.
-fn shape_of(geom: &Geom, context: &Context<'_>) -> Result<Option<(Pose, SceneShape)>, String> {
-    let mut size = geom.size;
-    let mut pose = to_pose(&geom.pose);
-    if let Some([x1, y1, z1, x2, y2, z2]) = geom.fromto {
-        let (from, to) = (Point3::new(x1, y1, z1), Point3::new(x2, y2, z2));
-        let axis = to - from;
-        // MuJoCo points the local z axis from the first to the second point.
-        let rotation = UnitQuaternion::rotation_between(&Vector3::z(), &axis)
-            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-        pose = Pose::from_parts(Translation3::from(nalgebra::center(&from, &to).coords), rotation);
-        let half = 0.5 * axis.norm();
-        match geom.type_ {
-            GeomType::Capsule | GeomType::Cylinder => size[1] = half,
-            GeomType::Box | GeomType::Ellipsoid => {
-                size[1] = size[0];
-                size[2] = half;
-            }
-            _ => return Err("`fromto` only on a capsule, cylinder, box or ellipsoid".to_owned()),
+/// Adds the geoms of a parsed body to the one that it is a part of; gives their mass in kilograms.
+fn add_geoms(
+    context: &Context<'_>,
+    materials: &mut Materials,
+    id: usize,
+    body_from_part: &Pose,
+    body: &mut SceneBody,
+) -> Result<f64, SceneError> {
+    let compiler = &context.model.compiler;
+    let source: &Body = &context.model.bodies[id].body;
+    let mut mass_kg = 0.0;
+    for (number, geom) in source.geoms.iter().enumerate() {
+        let (geom_pose, shape) = shape_of(geom, context.meshes).map_err(|misfit| SceneError::BadValue {
+            place: context.place_of_geom(id, number),
+            what: format!("`size` of a {:?} geom", geom.type_).to_lowercase(),
+            value: format!("{} {} {}", geom.size[0], geom.size[1], geom.size[2]),
+            expected: misfit,
+        })?;
+        if context.weighing_groups.contains(&geom.group) {
+            let by_volume = || geom.density.unwrap_or(compiler.inertia_density) * volume_m3(&shape, context.meshes);
+            mass_kg += geom.mass.unwrap_or_else(by_volume);
         }
+        let material = materials.index_of(geom.material.as_deref(), geom.rgba);
+        body.geoms.push(SceneGeom {
+            name: geom.name.clone(),
+            body_from_geom: body_from_part * geom_pose,
+            shape,
+            friction: geom.friction[0],
+            collides: geom.contype != 0 || geom.conaffinity != 0,
+            kinds: geom.contype,
+            touches: geom.conaffinity,
+            visible: geom.group <= LAST_VISIBLE_GROUP && materials.list[material].rgba[3] > 0.0,
+            material,
+        });
     }
-    let needed = match geom.type_ {
-        GeomType::Sphere => 1,
-        GeomType::Capsule | GeomType::Cylinder => 2,
-        GeomType::Box | GeomType::Ellipsoid => 3,
-        _ => 0,
-    };
-    if size[..needed].iter().any(|value| *value <= 0.0) {
-        return Err(format!("{needed} positive numbers"));
-    }
-    let shape = match geom.type_ {
-        GeomType::Plane => SceneShape::Plane { half_m: [size[0], size[1]] },
-        GeomType::Sphere => SceneShape::Sphere { radius_m: size[0] },
-        GeomType::Capsule => SceneShape::Capsule { radius_m: size[0], half_length_m: size[1] },
-        GeomType::Cylinder => SceneShape::Cylinder { radius_m: size[0], half_length_m: size[1] },
-        GeomType::Ellipsoid => SceneShape::Ellipsoid { radii_m: Vector3::from(size) },
-        GeomType::Box => SceneShape::Box { half_m: Vector3::from(size) },
-        GeomType::Mesh => match geom.mesh.as_deref().and_then(|name| find_mesh(context.meshes, name)) {
-            Some(mesh) => SceneShape::Mesh { mesh },
-            None => return Err("a `mesh` of the asset block".to_owned()),
-        },
-        GeomType::Hfield | GeomType::Sdf => return Err("a shape other than hfield or sdf".to_owned()),
-    };
-    Ok(Some((pose, shape)))
+    Ok(mass_kg)
 }
 
-/// Volume of a shape in cubic metres; 0 for a plane.
-pub(super) fn volume_m3(shape: &SceneShape, meshes: &[SceneMesh]) -> f64 {
-    use std::f64::consts::PI;
-    match shape {
-        SceneShape::Plane { .. } => 0.0,
-        SceneShape::Box { half_m } => 8.0 * half_m.product(),
-        SceneShape::Sphere { radius_m } => 4.0 / 3.0 * PI * radius_m.powi(3),
-        SceneShape::Cylinder { radius_m, half_length_m } => 2.0 * PI * radius_m.powi(2) * half_length_m,
-        SceneShape::Capsule { radius_m, half_length_m } => {
-            PI * radius_m.powi(2) * (4.0 / 3.0 * radius_m + 2.0 * half_length_m)
+/// Hides what collides in place of something else that is seen, in a body with geoms for the eye alone: their twins, and
+/// colliding geoms without a material that are see-through or have no colour. Authors look through them or switch their
+/// group off; our renderer knows only opaque and draws the groups that MuJoCo's viewer does.
+fn hide_stand_ins(is_world: bool, body: &mut SceneBody, materials: &Materials) {
+    let for_the_eye = |geom: &SceneGeom| geom.visible && !geom.collides;
+    let shown: Vec<(SceneShape, Pose)> =
+        body.geoms.iter().filter(|g| for_the_eye(g)).map(|g| (g.shape.clone(), g.body_from_geom)).collect();
+    for geom in body.geoms.iter_mut().filter(|geom| geom.collides && !shown.is_empty()) {
+        let twin = shown.iter().any(|(shape, pose)| *shape == geom.shape && *pose == geom.body_from_geom);
+        // The world's own geoms are not one thing.
+        let plain = !is_world && materials.is_plain(geom.material);
+        geom.visible &= !twin && !plain;
+    }
+}
+
+/// Whether a parsed body with what is on it has substance, but nothing that collides.
+fn touches_nothing(model: &mjcf_rs::Model, root: usize) -> bool {
+    let is_below = |mut id: usize| loop {
+        match model.bodies[id].parent {
+            _ if id == root => break true,
+            Some(parent) => id = parent,
+            None => break false,
         }
-        SceneShape::Ellipsoid { radii_m } => 4.0 / 3.0 * PI * radii_m.product(),
-        SceneShape::Mesh { mesh } => mesh_volume_m3(&meshes[*mesh]),
+    };
+    let below = || (root..model.bodies.len()).filter(|id| is_below(*id)).map(|id| &model.bodies[id].body);
+    let collides = |body: &Body| body.geoms.iter().any(|geom| geom.contype != 0 || geom.conaffinity != 0);
+    below().any(|body| body.inertial.is_some() || !body.geoms.is_empty()) && !below().any(collides)
+}
+
+/// Centre and tensor of a written inertia in the frame of the body that it is a part of.
+fn spread_of(inertial: &Inertial, body_from_part: &Pose) -> Option<MassSpread> {
+    let pose = body_from_part * to_pose(&inertial.pose);
+    let tensor = match inertial.inertia {
+        InertiaSpec::Diagonal(moments) => Matrix3::from_diagonal(&Vector3::from(moments)),
+        InertiaSpec::Full([xx, yy, zz, xy, xz, yz]) => Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+    };
+    let rotation = pose.rotation.to_rotation_matrix();
+    let inertia_kg_m2 = rotation.matrix() * tensor * rotation.matrix().transpose();
+    let spread = MassSpread { center_in_body: Point3::from(pose.translation.vector), inertia_kg_m2 };
+    (tensor.trace() > 0.0).then_some(spread)
+}
+
+/// Sums up the parts of free bodies. The spread is known when every part that weighs something has a written one.
+fn weigh(bodies: &mut [SceneBody], owner: &[usize], parts: &[(f64, Option<MassSpread>)]) {
+    for (index, body) in bodies.iter_mut().enumerate().filter(|(_, body)| body.motion == BodyMotion::Free) {
+        let own = || owner.iter().zip(parts).filter(|(owner, _)| **owner == index).map(|(_, part)| part);
+        body.mass_kg = own().map(|(mass, _)| mass).sum();
+        let weighty: Option<Vec<(f64, MassSpread)>> =
+            own().filter(|(mass, _)| *mass > 0.0).map(|(mass, spread)| spread.map(|spread| (*mass, spread))).collect();
+        let Some(weighty) = weighty.filter(|parts| !parts.is_empty()) else { continue };
+        let sum: Vector3<f64> = weighty.iter().map(|(mass, spread)| spread.center_in_body.coords * *mass).sum();
+        let center = Point3::from(sum / body.mass_kg);
+        let about_center = |(mass, spread): &(f64, MassSpread)| {
+            let arm = spread.center_in_body - center;
+            spread.inertia_kg_m2 + (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * *mass
+        };
+        let inertia_kg_m2 = weighty.iter().map(about_center).sum();
+        body.spread = Some(MassSpread { center_in_body: center, inertia_kg_m2 });
     }
 }

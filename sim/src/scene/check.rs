@@ -4,7 +4,7 @@ use super::model::{BodyMotion, SceneModel};
 use super::reach::find_unreachable_rooms;
 use super::semantics::{SEMANTICS_FILE, Semantics};
 use super::source::Source;
-use super::{HeldJoint, scene_file};
+use super::{Effect, SceneNote, scene_file};
 use crate::physics::{PhysicsConfig, settle_scene};
 use crate::world::{Solids, WorldError};
 use dsm::Pose;
@@ -129,10 +129,17 @@ pub struct CheckedScene {
     pub free_bodies: usize,
     /// Categories in semantics.toml.
     pub categories: usize,
-    /// Hinges and slides that are held fast: no fault of the scene, but doors and drawers will not move.
-    pub held_joints: Vec<HeldJoint>,
+    /// What is not done as the file says, such as joints that are held fast: no fault of the scene.
+    pub notes: Vec<SceneNote>,
     /// What is wrong.
     pub findings: Vec<Located>,
+}
+
+impl CheckedScene {
+    /// Joints that are held fast: doors and drawers will not move.
+    pub fn held_joints(&self) -> impl Iterator<Item = &SceneNote> {
+        self.notes.iter().filter(|note| note.effect == Effect::HeldFast)
+    }
 }
 
 /// Loads a scene, lets it rest for two seconds and says what is wrong with it for a robot of that size.
@@ -140,7 +147,7 @@ pub struct CheckedScene {
 /// # Errors
 /// [`WorldError`] when the scene does not load or cannot be simulated.
 pub fn check_scene(path: &Path, robot: RobotSize) -> Result<CheckedScene, WorldError> {
-    let (scene, held_joints) = SceneModel::load_with_joints(path)?;
+    let (scene, notes) = SceneModel::load_with_notes(path)?;
     let semantics = Semantics::load(&scene_file(path), &scene)?;
     let settled = settle_scene(&scene, REST, PhysicsConfig::default())?;
     let solids = Solids::new(&scene)?;
@@ -159,7 +166,7 @@ pub fn check_scene(path: &Path, robot: RobotSize) -> Result<CheckedScene, WorldE
         bodies: scene.bodies.len() - 1,
         free_bodies,
         categories: categories.len(),
-        held_joints,
+        notes,
         findings: locate(findings, &scene_file(path))?,
     })
 }

@@ -1,12 +1,15 @@
 //! From a scene file to a [`SceneModel`].
 
-use super::bodies::{Context, HeldJoint, build_bodies, to_pose};
+use super::bodies::{Context, build_bodies, to_pose};
+use super::defaults::Defaults;
 use super::error::{Place, SceneError};
 use super::lint::check_document;
 use super::mesh::load_meshes;
 use super::model::SceneModel;
+use super::notes::{Effect, Notes, SceneNote};
 use super::source::Source;
 use super::surface::{Materials, load_lights, load_textures};
+use super::ties::{find_excluded, find_ties};
 use dsm::Pose;
 use roxmltree::{Document, Node};
 use std::path::{Path, PathBuf};
@@ -19,19 +22,19 @@ pub fn scene_file(path: &Path) -> PathBuf {
 impl SceneModel {
     /// Loads an MJCF scene from its file or the folder that holds `scene.xml`.
     ///
-    /// Hinge, slide and ball joints are held fast; [`Self::load_with_joints`] lists them.
+    /// What the file says and this simulator does otherwise is left out; [`Self::load_with_notes`] lists it.
     ///
     /// # Errors
     /// Whatever is wrong with the scene, with file, line and what was expected.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
-        Ok(Self::load_with_joints(path)?.0)
+        Ok(Self::load_with_notes(path)?.0)
     }
 
-    /// Loads a scene, and lists the joints in it that are held fast.
+    /// Loads a scene, and lists what in it is not done as the file says, such as joints that are held fast.
     ///
     /// # Errors
     /// As [`Self::load`].
-    pub fn load_with_joints(path: &Path) -> Result<(Self, Vec<HeldJoint>), SceneError> {
+    pub fn load_with_notes(path: &Path) -> Result<(Self, Vec<SceneNote>), SceneError> {
         let file = scene_file(path);
         let folder = file.parent().unwrap_or(Path::new("")).to_owned();
         let source = Source::read(&file)?;
@@ -40,13 +43,20 @@ impl SceneModel {
             reason: error.to_string(),
         })?;
         check_document(&document, &source)?;
-        let model = mjcf_rs::Model::from_str(&source.text, &folder)
+        let model = mjcf_rs::Model::from_str(&without_shaped_sites(&source.text, &document), &folder)
             .map_err(|error| SceneError::Mjcf { file: file.clone(), reason: error.to_string() })?;
+        let defaults = Defaults::new(&document);
         let textures = load_textures(&model, &document, &source, &folder)?;
         let meshes = load_meshes(&model, &document, &source, &folder)?;
-        let mut materials = Materials::new(&model, &document, &textures);
-        let bodies = build_bodies(&Context::new(&model, &meshes, &source, &document), &mut materials)?;
-        let lights = load_lights(&document, |light| pose_of_owner(light, &model));
+        let mut materials = Materials::new(&model, &document, &defaults, &textures);
+        let context = Context::new(&model, &meshes, &source, &document);
+        let bodies = build_bodies(&context, &mut materials)?;
+        let mut notes = Notes::new(&source);
+        notes.walk(&document, &defaults);
+        bodies.untouchable.iter().filter_map(|id| context.node(*id)).for_each(|n| notes.add(n, Effect::TouchesNothing));
+        let ties = find_ties(&model, &document, &bodies, &mut notes);
+        let excluded = find_excluded(&model, &bodies);
+        let lights = load_lights(&document, &defaults, |light| pose_of_owner(light, &model));
         let stem = folder.file_name().or(file.file_stem()).map(|s| s.to_string_lossy().into_owned());
         let scene = Self {
             name: model.name.clone().or(stem).unwrap_or_default(),
@@ -55,9 +65,24 @@ impl SceneModel {
             textures,
             meshes,
             lights,
+            ties,
+            excluded,
         };
-        Ok((scene, bodies.held))
+        Ok((scene, notes.list))
     }
+}
+
+/// The text with blanks where a site has a shape that the parser does not know: sites are marks, nothing uses their shape.
+fn without_shaped_sites(text: &str, document: &Document<'_>) -> String {
+    let mut text = text.to_owned();
+    for site in document.descendants().filter(|node| node.has_tag_name("site")) {
+        let kind =
+            site.attribute_node("type").filter(|kind| matches!(kind.value(), "mesh" | "plane" | "hfield" | "sdf"));
+        if let Some(kind) = kind {
+            text.replace_range(kind.range(), &" ".repeat(kind.range().len()));
+        }
+    }
+    text
 }
 
 /// World pose of the named body around a node; the identity in the world body.

@@ -1,13 +1,14 @@
-//! Meshes of a scene: OBJ and STL files, or vertices written in the asset.
+//! Meshes of a scene: OBJ, STL and MSH files, or vertices written in the asset.
 
 use super::error::SceneError;
 use super::model::SceneMesh;
+use super::msh::read_msh;
 use super::source::Source;
 use super::surface::find_node;
 use mjcf_rs::assets::Mesh;
 use mjcf_rs::glam::DVec3;
 use nalgebra::{Point3, Vector3};
-use roxmltree::Document;
+use roxmltree::{Document, Node};
 use std::path::Path;
 
 /// Index of a mesh by name.
@@ -33,9 +34,9 @@ pub(super) fn load_meshes(
                 kind: "mesh",
                 path,
                 reason,
-                expected: "an OBJ or STL mesh with triangles",
+                expected: "an OBJ, STL or MSH mesh with triangles",
             })?,
-            None => inline(asset).ok_or_else(|| SceneError::BadValue {
+            None => inline(asset, find_node(document, "mesh", &name)).ok_or_else(|| SceneError::BadValue {
                 place,
                 what: format!("mesh `{name}`"),
                 value: "neither `file` nor `vertex` with `face`".to_owned(),
@@ -50,6 +51,14 @@ pub(super) fn load_meshes(
 }
 
 fn read_file(path: &Path) -> Result<SceneMesh, String> {
+    let bytes = std::fs::read(path).map_err(|error| error.to_string())?;
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if ending == "msh" {
+        return check(read_msh(&bytes)?);
+    }
+    if let Some(mesh) = Some(&bytes).filter(|_| ending == "stl").and_then(|bytes| binary_stl(bytes)) {
+        return check(mesh);
+    }
     let scene = mesh_loader::Loader::default().load(path).map_err(|error| error.to_string())?;
     let mut mesh = empty();
     let textured = scene.meshes.iter().all(|part| part.texcoords[0].len() == part.vertices.len());
@@ -61,16 +70,45 @@ fn read_file(path: &Path) -> Result<SceneMesh, String> {
             mesh.normals.extend(part.normals.iter().map(|n| Vector3::from(*n)));
         }
         if textured {
-            mesh.uvs.extend(&part.texcoords[0]);
+            // OBJ counts v from the bottom of the picture, MuJoCo and the renderer from its top.
+            mesh.uvs.extend(part.texcoords[0].iter().map(|[u, v]| [*u, 1.0 - v]));
         }
         mesh.indices.extend(part.faces.iter().map(|face| face.map(|vertex| vertex + first)));
     }
     check(mesh)
 }
 
-fn inline(asset: &Mesh) -> Option<SceneMesh> {
+/// A binary STL file, known by its length: some begin with the word that marks those in text.
+fn binary_stl(bytes: &[u8]) -> Option<SceneMesh> {
+    let (head, faces) = bytes.split_at_checked(84)?;
+    let count = u32::from_le_bytes(*head.last_chunk()?);
+    if faces.len() as u64 != 50 * u64::from(count) {
+        return None;
+    }
+    let mut mesh = empty();
+    for face in faces.chunks_exact(50) {
+        let first = mesh.positions.len() as u32;
+        let number = |i: usize| f32::from_le_bytes([0, 1, 2, 3].map(|byte| face[4 * i + byte]));
+        // The normal, which many programs leave empty, comes first.
+        mesh.positions.extend([3, 6, 9].map(|i| Point3::new(number(i), number(i + 1), number(i + 2))));
+        mesh.indices.push([first, first + 1, first + 2]);
+    }
+    Some(mesh)
+}
+
+fn inline(asset: &Mesh, node: Option<Node<'_, '_>>) -> Option<SceneMesh> {
     let (vertices, faces) = (asset.inline_vertices.as_ref()?, asset.inline_faces.as_ref()?);
     let mut mesh = empty();
+    let written = |name| node.and_then(|node| node.attribute(name)).unwrap_or_default();
+    let numbers = |name| written(name).split_ascii_whitespace().flat_map(str::parse).collect::<Vec<f32>>();
+    let per_vertex = |list: &[f32], size: usize| list.len() * 3 == vertices.len() * size;
+    let (uvs, normals) = (numbers("texcoord"), numbers("normal"));
+    if per_vertex(&uvs, 2) {
+        mesh.uvs = uvs.chunks_exact(2).map(|uv| [uv[0], uv[1]]).collect();
+    }
+    if per_vertex(&normals, 3) {
+        mesh.normals = normals.chunks_exact(3).map(|n| Vector3::new(n[0], n[1], n[2])).collect();
+    }
     mesh.positions = vertices.chunks_exact(3).map(|v| Point3::new(v[0] as f32, v[1] as f32, v[2] as f32)).collect();
     mesh.indices = faces.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect();
     check(mesh).ok()

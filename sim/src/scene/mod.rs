@@ -2,28 +2,36 @@
 
 mod bodies;
 mod check;
+mod defaults;
 mod error;
 mod generate;
+mod geom;
 mod grammar;
 mod lint;
 mod load;
 mod mesh;
 mod model;
+mod msh;
+mod names;
+mod notes;
 mod reach;
 mod semantics;
 mod source;
 mod surface;
+mod survey;
+mod ties;
 
-pub use bodies::HeldJoint;
 pub use check::{CheckedScene, Finding, Located, RobotSize, check_scene, find_movers};
 pub use error::{Place, SceneError};
 pub use generate::{GenerateError, GeneratedScene, HomeConfig, ImportError, generate_home, import_ithor};
 pub use load::scene_file;
 pub use model::{
-    BodyMotion, LightKind, SceneBody, SceneGeom, SceneLight, SceneMaterial, SceneMesh, SceneModel, SceneShape,
-    SceneTexture, TextureSpan,
+    BodyMotion, LightKind, MassSpread, SceneBody, SceneGeom, SceneLight, SceneMaterial, SceneMesh, SceneModel,
+    SceneShape, SceneTexture, SceneTie, TextureSpan,
 };
+pub use notes::{Effect, SceneNote, summarise_notes};
 pub use semantics::{
     ObjectSemantics, Placement, RoomSemantics, SEMANTICS_FILE, Semantics, SemanticsError, StartArea, StartAreas,
     WeightClass,
 };
+pub use survey::{Frame, Outcome, Stage, SurveyedScene, survey_scene};

@@ -1,7 +1,7 @@
 //! A parsed scene, free of any physics engine.
 
 use dsm::Pose;
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 /// How a body may move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,6 +71,11 @@ pub struct SceneGeom {
     pub friction: f64,
     /// Whether it takes part in collisions.
     pub collides: bool,
+    /// Kinds that it is of, as bits. Two geoms of a scene touch when one is of a kind that the other touches; 1 unless the
+    /// scene says otherwise. The robot touches all that collides.
+    pub kinds: u32,
+    /// Kinds that it touches, as bits; 1 unless the scene says otherwise.
+    pub touches: u32,
     /// Whether it is drawn.
     pub visible: bool,
 }
@@ -86,8 +91,30 @@ pub struct SceneBody {
     pub motion: BodyMotion,
     /// Mass in kilograms; 0 for fixed bodies.
     pub mass_kg: f64,
+    /// How the mass is spread, when the scene says so; else by volume over what collides.
+    pub spread: Option<MassSpread>,
     /// Geoms.
     pub geoms: Vec<SceneGeom>,
+}
+
+/// Centre and tensor of inertia of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MassSpread {
+    /// Centre of mass in the body's frame, metres.
+    pub center_in_body: Point3<f64>,
+    /// Tensor about it along the body's axes, kg m^2.
+    pub inertia_kg_m2: Matrix3<f64>,
+}
+
+/// Two bodies that a scene holds together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneTie {
+    /// Indices of the bodies; at least one of them is free.
+    pub bodies: [usize; 2],
+    /// Frame of the tie in either body: they are held one upon the other.
+    pub body_from_tie: [Pose; 2],
+    /// Whether turning is held too (MJCF `weld`), or only the place (`connect`).
+    pub rigid: bool,
 }
 
 /// What the repetitions of a texture count along.
@@ -98,6 +125,8 @@ pub enum TextureSpan {
     Face,
     /// One metre of surface (MJCF `texuniform="true"`).
     Metre,
+    /// Each of the six sides of a cube around the thing, once (MJCF `type="cube"`).
+    Cube,
 }
 
 /// A surface.
@@ -180,7 +209,7 @@ pub struct SceneLight {
 }
 
 /// A parsed scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneModel {
     /// Name of the scene.
     pub name: String,
@@ -194,4 +223,8 @@ pub struct SceneModel {
     pub meshes: Vec<SceneMesh>,
     /// Lights.
     pub lights: Vec<SceneLight>,
+    /// Bodies that a scene holds together.
+    pub ties: Vec<SceneTie>,
+    /// Pairs of bodies that never touch each other, the lesser index first, sorted.
+    pub excluded: Vec<[usize; 2]>,
 }

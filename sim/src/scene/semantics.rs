@@ -4,7 +4,9 @@
 
 use super::error::{Place, SceneError};
 use super::model::SceneModel;
+use super::names::find_category;
 use dsm::config::{ConfigError, find_nearest, parse_toml};
+use dsm::knowledge::Knowledge;
 use nalgebra::Point2;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -162,14 +164,15 @@ impl RoomSemantics {
 
 impl Semantics {
     /// Loads the `semantics.toml` beside a scene file and holds it against the scene. Without the file, every body
-    /// that is not the world is an object and its name without a trailing number is its category.
+    /// that is not the world is an object and its name tells its category; see [`Self::from_body_names`].
     ///
     /// # Errors
     /// A misspelt key, a value out of range, a body that the scene does not have or that is listed twice.
     pub fn load(scene_file: &Path, scene: &SceneModel) -> Result<Self, SemanticsError> {
         let file = scene_file.with_file_name(SEMANTICS_FILE);
         if !file.exists() {
-            return Ok(Self::from_body_names(scene));
+            let stem = scene_file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+            return Ok(Self::from_names(scene, &stem.unwrap_or_default()));
         }
         let text = std::fs::read_to_string(&file).map_err(|error| SceneError::Unreadable {
             file: file.clone(),
@@ -181,12 +184,19 @@ impl Semantics {
         Ok(semantics)
     }
 
-    /// Categories from body names: `apple_1` and `apple_red_2` give `apple` and `apple red`.
+    /// Categories from body names, by what is commonly known: `akita_black_bowl_1` is a `bowl`. Bodies that nobody sees and
+    /// parts of the building (floors, walls, doors) are no objects.
     pub fn from_body_names(scene: &SceneModel) -> Self {
-        let objects = scene.bodies.iter().skip(1).map(|body| ObjectSemantics {
-            body: body.name.clone(),
-            category: category_of(&body.name),
-            ..ObjectSemantics::default()
+        Self::from_names(scene, "")
+    }
+
+    /// As [`Self::from_body_names`]; what no name of a body tells, the stem of the file or the model's name may tell.
+    fn from_names(scene: &SceneModel, stem: &str) -> Self {
+        let knowledge = Knowledge::embedded().ok();
+        let shown = scene.bodies.iter().skip(1).filter(|body| body.geoms.iter().any(|geom| geom.visible));
+        let objects = shown.filter_map(|body| {
+            let category = find_category(knowledge.as_ref(), &body.name, &[stem, &scene.name])?;
+            Some(ObjectSemantics { body: body.name.clone(), category, ..ObjectSemantics::default() })
         });
         Self { version: 1, name: scene.name.clone(), objects: objects.collect(), ..Self::default() }
     }
@@ -238,17 +248,11 @@ fn find_place(text: &str, file: &Path, body: &str, nth: usize) -> Place {
     Place { file: PathBuf::from(file), line: line.map(|(index, _)| index as u32 + 1) }
 }
 
-fn category_of(body: &str) -> String {
-    let stem = body.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
-    let stem = if stem.is_empty() { body } else { stem };
-    stem.replace('_', " ").to_lowercase()
-}
-
 #[cfg(test)]
 mod tests {
     //! Contract: a semantics file fits its scene or says with file and line why not.
     use super::*;
-    use crate::scene::{BodyMotion, SceneBody};
+    use crate::scene::{BodyMotion, SceneBody, SceneGeom, SceneShape};
     use dsm::Pose;
 
     fn scene(names: &[&str]) -> SceneModel {
@@ -257,6 +261,7 @@ mod tests {
             world_from_body: Pose::identity(),
             motion: BodyMotion::Fixed,
             mass_kg: 0.0,
+            spread: None,
             geoms: vec![],
         };
         SceneModel {
@@ -266,6 +271,7 @@ mod tests {
             textures: vec![],
             meshes: vec![],
             lights: vec![],
+            ..SceneModel::default()
         }
     }
 
@@ -276,8 +282,22 @@ mod tests {
     }
 
     #[test]
-    fn categories_come_from_body_names_without_a_file() {
-        let semantics = Semantics::from_body_names(&scene(&["apple_1", "floor_lamp_2", "TV"]));
+    fn categories_come_from_the_names_of_bodies_that_are_seen() {
+        let mut scene = scene(&["apple_1", "floor_lamp_2", "TV", "wall_3", "hidden"]);
+        let geom = SceneGeom {
+            name: None,
+            body_from_geom: Pose::identity(),
+            shape: SceneShape::Sphere { radius_m: 0.1 },
+            material: 0,
+            friction: 0.5,
+            collides: true,
+            kinds: 1,
+            touches: 1,
+            visible: true,
+        };
+        scene.bodies[1..].iter_mut().for_each(|body| body.geoms.push(geom.clone()));
+        scene.bodies[5].geoms[0].visible = false;
+        let semantics = Semantics::from_body_names(&scene);
         let categories: Vec<&str> = semantics.objects.iter().map(|o| o.category.as_str()).collect();
         assert_eq!(categories, ["apple", "floor lamp", "tv"]);
     }

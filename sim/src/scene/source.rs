@@ -1,11 +1,25 @@
 //! The text of a scene with its includes inlined, and the way back from that text to files and lines.
 //!
 //! MuJoCo takes any root element in an included file, `mjcf-rs` only `<mujoco>`: so includes are inlined here, before
-//! parsing. Paths of includes are relative to the main file's folder, as in MuJoCo.
+//! parsing. Paths of includes are relative to the main file's folder, as in MuJoCo, else to the including file's.
 
 use super::error::{Place, SceneError};
 use roxmltree::Document;
 use std::path::{Path, PathBuf};
+
+/// Whether a file is a piece for others to include and no model: its root is another element than `mujoco`, or holds what
+/// stands deeper in a model.
+pub(super) fn is_part(file: &Path) -> bool {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    Document::parse(&text).is_ok_and(|document| {
+        let root = document.root_element();
+        let mut blocks = root.children().filter(|child| child.is_element()).map(|child| child.tag_name().name());
+        root.tag_name().name() != "mujoco" || blocks.any(|name| DEEPER.contains(&name))
+    })
+}
+
+/// Elements that only a part has right below its root.
+const DEEPER: [&str; 8] = ["body", "geom", "joint", "site", "texture", "material", "mesh", "camera"];
 
 /// A stretch of the inlined text that stems from one file.
 struct Piece {
@@ -97,7 +111,11 @@ impl Source {
                 value: String::new(),
                 expected: "a path".to_owned(),
             })?;
-            self.inline(&folder.join(name), folder, Some(&place), open)?;
+            // MuJoCo looks beside the main file; parts that were written to stand alone mean beside themselves.
+            let beside_main = folder.join(name);
+            let beside_part = file.parent().map(|own| own.join(name)).filter(|path| path.exists());
+            let path = beside_part.filter(|_| !beside_main.exists()).unwrap_or(beside_main);
+            self.inline(&path, folder, Some(&place), open)?;
         }
         self.push(&text, from..kept.end, file_index);
         open.pop();

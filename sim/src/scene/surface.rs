@@ -1,5 +1,6 @@
 //! Materials, textures and lights of a scene.
 
+use super::defaults::{Defaults, is_default};
 use super::error::SceneError;
 use super::model::{LightKind, SceneLight, SceneMaterial, SceneTexture, TextureSpan};
 use super::source::Source;
@@ -26,8 +27,24 @@ pub(super) fn find_node<'a>(document: &'a Document<'a>, tag: &str, name: &str) -
 
 /// Numbers of an attribute that passed the lint.
 fn numbers<const N: usize>(node: Node<'_, '_>, attribute: &str) -> Option<[f32; N]> {
-    let parsed: Vec<f32> = node.attribute(attribute)?.split_ascii_whitespace().flat_map(str::parse).collect();
+    parse(node.attribute(attribute)?)
+}
+
+fn parse<const N: usize>(text: &str) -> Option<[f32; N]> {
+    let parsed: Vec<f32> = text.split_ascii_whitespace().flat_map(str::parse).collect();
     parsed.try_into().ok()
+}
+
+/// The texture that a material shows: its attribute, or its layer of colours.
+fn texture_of<'a>(material: Node<'a, 'a>, defaults: &Defaults<'a>) -> Option<&'a str> {
+    let layers = material.children().filter(|child| child.has_tag_name("layer"));
+    let mut colors = layers.filter(|layer| matches!(layer.attribute("role"), Some("rgb" | "rgba")));
+    colors.find_map(|layer| layer.attribute("texture")).or_else(|| defaults.find(material, "texture"))
+}
+
+/// Whether a texture is wrapped around things as a cube; MuJoCo's default.
+fn is_cube(texture: &str, document: &Document<'_>) -> bool {
+    find_node(document, "texture", texture).is_some_and(|node| matches!(node.attribute("type"), None | Some("cube")))
 }
 
 /// Textures by index and what they are called.
@@ -128,11 +145,18 @@ fn mark((width, height, rgb): &mut Pixels, cross: bool, color: [f32; 3]) {
 pub(super) struct Materials {
     /// All materials.
     pub list: Vec<SceneMaterial>,
+    /// How many of them stem from the asset block itself.
+    of_assets: usize,
 }
 
 impl Materials {
     /// Materials of the asset block, then a plain one.
-    pub(super) fn new(model: &mjcf_rs::Model, document: &Document<'_>, textures: &[SceneTexture]) -> Self {
+    pub(super) fn new<'a>(
+        model: &mjcf_rs::Model,
+        document: &'a Document<'a>,
+        defaults: &Defaults<'a>,
+        textures: &[SceneTexture],
+    ) -> Self {
         let list = model
             .assets
             .materials
@@ -140,25 +164,37 @@ impl Materials {
             .map(|material| {
                 let name = material.name.clone().unwrap_or_default();
                 let node = find_node(document, "material", &name);
-                let span = match node.and_then(|n| n.attribute("texuniform")) {
+                let text = |attribute| node.and_then(|node| defaults.find(node, attribute));
+                let texture = node.and_then(|node| texture_of(node, defaults)).or(material.texture.as_deref());
+                let span = match text("texuniform") {
+                    _ if texture.is_some_and(|texture| is_cube(texture, document)) => TextureSpan::Cube,
                     Some("true") => TextureSpan::Metre,
                     _ => TextureSpan::Face,
                 };
+                // As in MuJoCo, a cube is never repeated.
+                let repeat = text("texrepeat").filter(|_| span != TextureSpan::Cube).and_then(parse);
                 SceneMaterial {
                     rgba: material.rgba.unwrap_or([1.0; 4]).map(|c| c as f32),
-                    texture: textures.iter().position(|t| Some(&t.name) == material.texture.as_ref()),
-                    texture_repeat: node.and_then(|n| numbers(n, "texrepeat")).unwrap_or([1.0; 2]),
+                    texture: texture.and_then(|name| textures.iter().position(|t| t.name == name)),
+                    texture_repeat: repeat.unwrap_or([1.0; 2]),
                     texture_span: span,
                     specular: material.specular as f32,
                     shininess: material.shininess as f32,
                     // MuJoCo's default, -1, means that nothing is said.
-                    metallic: node.and_then(|n| numbers(n, "metallic")).map_or(0.0, |[m]: [f32; 1]| m.clamp(0.0, 1.0)),
+                    metallic: text("metallic").and_then(parse).map_or(0.0, |[m]: [f32; 1]| m.clamp(0.0, 1.0)),
                     emission: material.emission as f32,
                     name,
                 }
             })
-            .collect();
-        Self { list }
+            .collect::<Vec<_>>();
+        Self { of_assets: list.len(), list }
+    }
+
+    /// Whether it stems from no material of the asset block and has no colour of its own, or one to look through.
+    pub(super) fn is_plain(&self, index: usize) -> bool {
+        let rgba = self.list[index].rgba;
+        let of_geom = index >= self.of_assets && self.list[index].name.starts_with('#');
+        of_geom && (rgba[3] < 1.0 || rgba == PLAIN_RGBA.map(|value| value as f32))
     }
 
     /// The index of the material of a geom, made when it is new.
@@ -198,16 +234,16 @@ impl Materials {
 }
 
 /// Lights of the world body, and the headlight as ambient light (it would move with the camera).
-pub(super) fn load_lights(document: &Document<'_>, pose_of: impl Fn(Node<'_, '_>) -> Pose) -> Vec<SceneLight> {
+pub(super) fn load_lights<'a>(
+    document: &'a Document<'a>,
+    defaults: &Defaults<'a>,
+    pose_of: impl Fn(Node<'_, '_>) -> Pose,
+) -> Vec<SceneLight> {
     let mut lights = Vec::new();
-    let in_defaults = |node: &Node<'_, '_>| node.ancestors().any(|a| a.has_tag_name("default"));
-    let fallback = document.descendants().find(|n| n.has_tag_name("light") && in_defaults(n));
     let root = document.root_element();
-    for node in root.descendants().filter(|n| n.has_tag_name("light") && !in_defaults(n)) {
-        let text = |name| node.attribute(name).or_else(|| fallback.and_then(|f| f.attribute(name)));
-        let triple = |name: &str, default: [f32; 3]| {
-            numbers(node, name).or_else(|| fallback.and_then(|f| numbers(f, name))).unwrap_or(default)
-        };
+    for node in root.descendants().filter(|n| n.has_tag_name("light") && !is_default(n)) {
+        let text = |name: &str| defaults.find(node, name);
+        let triple = |name: &str, default: [f32; 3]| text(name).and_then(parse).unwrap_or(default);
         if text("active") == Some("false") {
             continue;
         }

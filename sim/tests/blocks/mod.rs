@@ -20,6 +20,7 @@ pub(crate) fn floor() -> SceneModel {
         textures: vec![],
         meshes: vec![],
         lights: vec![],
+        ..SceneModel::default()
     }
 }
 
@@ -39,9 +40,11 @@ pub(crate) fn body(
         material: 0,
         friction,
         collides: true,
+        kinds: 1,
+        touches: 1,
         visible: true,
     };
-    SceneBody { name: name.into(), world_from_body, motion, mass_kg, geoms: vec![geom] }
+    SceneBody { name: name.into(), world_from_body, motion, mass_kg, spread: None, geoms: vec![geom] }
 }
 
 /// Adds a body and returns its index.

@@ -2,6 +2,12 @@
 //! follow what they are told within their limits; friction alone holds what the gripper lifts; contacts are reported
 //! with their force; the same inputs give the same bytes.
 
+mod pairs;
+
+pub(crate) use pairs::{
+    a_written_center_of_mass_counts, kinds_and_exclusions_decide_what_touches, ties_hold_bodies_together,
+};
+
 use crate::blocks::{add, add_free, add_table, body, cuboid, floor, porter, posture, start};
 use dsm::Pose;
 use dsm_robot::drivers::Twist;
@@ -414,6 +420,9 @@ macro_rules! conformance {
             two_runs_give_the_same_bytes
             reading_never_changes_the_world
             bad_input_is_refused_with_its_reason
+            kinds_and_exclusions_decide_what_touches
+            ties_hold_bodies_together
+            a_written_center_of_mass_counts
         }
     };
     (@each $engine:expr; $($clause:ident)*) => {

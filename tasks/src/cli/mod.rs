@@ -18,6 +18,7 @@ mod record;
 mod robot;
 mod run;
 mod scene;
+mod scene_survey;
 mod serve;
 mod serve_http;
 mod suite;
@@ -131,7 +132,7 @@ pub enum Command {
     /// Look into, check, export, import or merge maps.
     #[command(subcommand)]
     Map(map::MapCommand),
-    /// Generate, import or check a scene.
+    /// Generate, import, check or survey scenes.
     #[command(subcommand)]
     Scene(scene::SceneCommand),
     /// Look into a robot.
