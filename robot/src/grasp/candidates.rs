@@ -184,6 +184,9 @@ fn headings(scene: &GraspScene, shape: &Shape) -> Vec<(f64, f64)> {
 
 /// How far below their middle tall things are held as well, metres: what tapers to its top slips out there.
 const LOWERED_M: f64 = -0.035;
+/// What such a hold is worth: two pads hold against sliding but hardly against turning, and what is held off its middle
+/// turns on the way and is put down aslant. Only sides that let go at the middle are worse.
+const LOWERED_SHARE: f64 = 0.6;
 /// Half the height from which a thing is tall, metres.
 const HALF_TALL_M: f64 = 0.06;
 
@@ -203,6 +206,7 @@ fn propose_from_shape(scene: &GraspScene, shape: &Shape, config: &GraspConfig) -
             let tall = shape.half_extent_m(&Vector3::z()) > HALF_TALL_M;
             let raises_m: &[f64] = if tall { &[0.0, 0.01, LOWERED_M] } else { &[0.0, 0.01] };
             for &extra_raise_m in raises_m {
+                let preference = if extra_raise_m < 0.0 { LOWERED_SHARE * preference } else { preference };
                 proposals.push(place(scene, shape, &approach, &closing, extra_raise_m, preference, config));
             }
             if pitch > SLANT_FOR_BOTH_WAYS {

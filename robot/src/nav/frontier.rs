@@ -153,16 +153,19 @@ pub fn find_frontiers(
         if size_m < config.min_size_m || tried >= config.max_attempts {
             continue;
         }
-        let Some((position, path_length_m)) = find_stand(costmap, field, &center, memory, config) else { continue };
-        stamp += 1;
-        let (gain_m2, toward) = look_around(costmap, &worthwhile, &position, config, &mut seen_stamp, stamp);
-        if gain_m2 < config.min_gain_m2 {
-            continue;
-        }
-        let yaw_rad = if toward.norm() > 1e-9 { toward.y.atan2(toward.x) } else { bearing(&position, &center) };
-        let effort = path_length_m + config.base_cost_m;
-        let score = gain_m2.min(config.max_gain_m2) / effort / f64::from(1 + tried);
-        found.push(Frontier { center, size_m, gain_m2, stand: Pose2 { position, yaw_rad }, path_length_m, score });
+        let looks =
+            find_stands(costmap, field, &center, memory, config).into_iter().map(|(position, path_length_m)| {
+                stamp += 1;
+                let (gain_m2, toward) = look_around(costmap, &worthwhile, &position, config, &mut seen_stamp, stamp);
+                let effort = path_length_m + config.base_cost_m;
+                let score = gain_m2.min(config.max_gain_m2) / effort / f64::from(1 + tried);
+                let yaw_rad = if toward.norm() > 1e-9 { toward.y.atan2(toward.x) } else { bearing(&position, &center) };
+                Frontier { center, size_m, gain_m2, stand: Pose2 { position, yaw_rad }, path_length_m, score }
+            });
+        let best = looks
+            .filter(|look| look.gain_m2 >= config.min_gain_m2)
+            .reduce(|a, b| if b.score > a.score { b } else { a });
+        found.extend(best);
     }
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     found
@@ -245,14 +248,18 @@ fn find_center(grid: &Grid, cluster: &[usize]) -> Point2<f64> {
         .unwrap_or(mean)
 }
 
-/// The reachable place around a frontier that costs least and sees its centre, away from those it was looked at from.
-fn find_stand(
+/// Reachable places around a frontier that see its centre, those that cost least first: apart from each other, and from
+/// those it was looked at from. One before a door may see nothing of what lies beside the door.
+fn find_stands(
     costmap: &Costmap,
     field: &Field,
     center: &Point2<f64>,
     memory: &FrontierMemory,
     config: &FrontierConfig,
-) -> Option<(Point2<f64>, f64)> {
+) -> Vec<(Point2<f64>, f64)> {
+    /// Most places that are compared, and how far apart they are, metres.
+    const MOST: usize = 6;
+    const APART_M: f64 = 0.3;
     let grid = costmap.grid();
     let mut places: Vec<(f64, usize, f64)> = grid
         .cells_within(*center, config.stand_max_m)
@@ -266,17 +273,23 @@ fn find_stand(
         })
         .collect();
     places.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    places.into_iter().find_map(|(_, cell, length)| {
+    let mut stands: Vec<(Point2<f64>, f64)> = Vec::new();
+    for (_, cell, length) in places {
         let position = grid.center_of(cell);
-        if memory.was_seen_from(center, &position, config) {
-            return None;
+        let is_known = stands.iter().any(|(other, _)| (other - position).norm() < APART_M);
+        if is_known || memory.was_seen_from(center, &position, config) {
+            continue;
         }
         let distance = (center - position).norm();
-        let blocked = grid
-            .ray(position, bearing(&position, center), distance)
-            .any(|(crossed, _)| costmap.state(crossed) == CellState::Occupied);
-        (!blocked).then_some((position, length))
-    })
+        let mut crossed = grid.ray(position, bearing(&position, center), distance);
+        if !crossed.any(|(crossed, _)| costmap.state(crossed) == CellState::Occupied) {
+            stands.push((position, length));
+        }
+        if stands.len() == MOST {
+            break;
+        }
+    }
+    stands
 }
 
 /// Unknown area in sight of a place, and the mean direction in which it lies.
@@ -398,6 +411,29 @@ mod tests {
             assert!(stands.len() <= 8);
         }
         assert!(stands.len() >= 2);
+    }
+
+    #[test]
+    fn a_passage_behind_a_door_is_looked_into_from_inside() {
+        // A room of 4 m with a door in the corner of its far wall; behind it, a bed leaves a passage along that wall.
+        let mut known = FreeSpace::new(0.05);
+        for column in 0..80 {
+            for row in 0..80 {
+                let wall = column == 0 || column == 79 || row == 0 || (row >= 78 && !(4..22).contains(&column));
+                known.set([column, row], if wall { CellState::Occupied } else { CellState::Free });
+            }
+        }
+        for column in 0..23 {
+            (80..97).for_each(|row| known.set([column, row], CellState::Free));
+            known.set([column, 97], CellState::Occupied);
+        }
+        (80..98).for_each(|row| known.set([0, row], CellState::Occupied));
+        (78..80).for_each(|row| [0, 1, 2, 3].iter().for_each(|column| known.set([*column, row], CellState::Occupied)));
+        let costmap = Costmap::from_free_space(&known, &CostmapConfig::default());
+        let field = Field::from_start(&costmap, &Point2::new(2.0, 2.0));
+        let found = find_frontiers(&costmap, &field, &FrontierMemory::default(), &FrontierConfig::default());
+        let frontier = found.iter().find(|f| (f.center - Point2::new(1.12, 4.4)).norm() < 0.3).expect("the passage");
+        assert!(frontier.stand.position.y > 4.0, "from outside only its end is seen: {frontier:?}");
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Contract: our renderer sees what MuJoCo sees: off the edges, the label agrees at 99 % of the pixels and, where it does,
 //! the depth up to 5 m within 1 mm at 99 %. MuJoCo sees in two ways: drawn by its own OpenGL renderer, and along its rays.
 
+#![allow(clippy::print_stdout, reason = "figures of the agreement are wanted")]
+
 use dsm::Pose;
 use dsm::camera::CameraModel;
 use dsm_sim::camera::{CameraRig, LightDraw, TrueImage};

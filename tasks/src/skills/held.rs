@@ -106,7 +106,8 @@ pub fn carry(agent: &mut Agent, held: &Held, settings: &GraspSettings) -> Result
     let world_from_base = agent.world_from_base()?;
     let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
     let (model, configuration) = (agent.model().clone(), agent.configuration()?);
-    let postures = agent.plan(move || find_carry(&model, &configuration))?;
+    let up_in_tool = held.base_from_tool.inverse() * Vector3::z();
+    let postures = agent.plan(move || find_carry(&model, &configuration, Some(&up_in_tool)))?;
     let Some(postures) = postures else {
         return Ok(Outcome::Failed(Stage::Reach, "the arm has no way to carry this object".into()));
     };

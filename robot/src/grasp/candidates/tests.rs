@@ -246,3 +246,17 @@ fn a_vase_is_held_where_its_sides_do_not_lean_together() {
     let over_belly_m = first.world_from_tool.translation.z - middle.z;
     assert!(over_belly_m < 0.02 || over_belly_m > 0.06, "held {over_belly_m:.3} m over its belly: {first:?}");
 }
+
+#[test]
+fn a_thermos_is_held_at_its_middle() {
+    // Straight sides hold anywhere; what hangs off its middle turns between the pads on the way.
+    let middle = Point3::new(1.0, 0.0, 0.73 + 0.12);
+    for seed in 0..4 {
+        let thermos = cylinder(middle, 0.035, 0.24, 0.003, 4000, seed);
+        let seen = seen_from(&thermos, &middle, Vector3::new(-1.0, 0.0, 0.5), 0.0);
+        let scene = GraspScene::from_points(&seen, &[], BASE).unwrap();
+        let plan = plan_grasps(&scene, &GraspConfig::default(), &everywhere);
+        let off_m = plan.candidates[0].world_from_tool.translation.z - middle.z;
+        assert!(off_m > -0.02, "held {off_m:.3} m off its middle: {:?}", plan.candidates[0]);
+    }
+}
