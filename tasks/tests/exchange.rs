@@ -42,6 +42,7 @@ fn object(id: u64, name: &str, center: [f64; 3], yaw: f64, points: usize) -> Map
         },
         attributes,
         visual_feature: vec![0.6, 0.8, 0.1],
+        provenance: Default::default(),
         text_feature: vec![1.0 / 3.0, 0.2],
         room: Some(RoomId(id as u32 % 2)),
         observations: 5 + id as u32,

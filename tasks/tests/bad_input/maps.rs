@@ -30,6 +30,7 @@ fn apple(id: u64) -> MapObject {
         },
         attributes: Attributes::default(),
         visual_feature: vec![1.0],
+        provenance: Default::default(),
         text_feature: vec![1.0],
         room: None,
         observations: 5,
