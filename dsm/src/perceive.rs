@@ -100,6 +100,11 @@ pub struct Detections {
 pub trait Detector: Send {
     /// Masks, names and scores of what is visible.
     fn detect(&mut self, frame: &RgbdFrame) -> Detections;
+
+    /// Its name: the map keeps who gave a vote.
+    fn name(&self) -> &str {
+        "detector"
+    }
 }
 
 /// One detected thing as an encoder or a describer sees it.
@@ -144,6 +149,11 @@ pub struct AttributeVote {
 pub trait Describer: Send + Sync {
     /// Votes for attributes, in a fixed order.
     fn describe(&self, view: &ObjectView) -> Vec<AttributeVote>;
+
+    /// Its name: the map keeps who gave a vote.
+    fn name(&self) -> &str {
+        "describer"
+    }
 }
 
 /// Cosine of two unit vectors; 0 when their lengths differ or one is empty.

@@ -59,6 +59,7 @@ fn object(id: u64, name: &str, points: Vec<MapPoint>, color: &str) -> MapObject 
         points,
         attributes: Default::default(),
         visual_feature: vec![],
+        provenance: Default::default(),
         text_feature: vec![],
         room: Some(RoomId(0)),
         observations: 9,

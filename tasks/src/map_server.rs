@@ -69,7 +69,7 @@ pub const QUESTIONS: [Question; 6] = [
     },
     Question {
         name: "object",
-        about: "One object with its relations.",
+        about: "One object with its relations, and who gave the votes for its name and attributes.",
         parameters: &[("id", "integer", true, "Its identity.")],
     },
     Question { name: "rooms", about: "Rooms with their outlines.", parameters: &[] },
@@ -118,7 +118,8 @@ impl MapServer {
                 let object = object.ok_or_else(|| Refusal::Unknown(format!("there is no object {id}")))?;
                 let relations: Vec<_> = self.shown.relations.iter().filter(|r| r.from == id || r.to == id).collect();
                 let points = self.map.find_object(ObjectId(id)).map_or(0, |object| object.points.len());
-                Ok(json!({"object": object, "relations": relations, "points": points}))
+                let votes = self.map.find_object(ObjectId(id)).map(|object| object.provenance.credits());
+                Ok(json!({"object": object, "relations": relations, "points": points, "votes": votes}))
             }
             "rooms" => Ok(json!({"rooms": self.shown.rooms})),
             "free" => {

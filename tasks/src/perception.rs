@@ -26,6 +26,8 @@ pub struct Taped<'a> {
     pub frame: &'a RgbdFrame,
     /// What was detected in it.
     pub detections: &'a Detections,
+    /// Who detected it.
+    pub detector: &'a str,
     /// Which detections were taken for which objects; see [`MapBuilder::associations`].
     pub associations: &'a [(usize, ObjectId)],
     /// Where the robot itself was.
@@ -132,6 +134,7 @@ fn work(
     inbox: &Receiver<Job>,
     outbox: &Sender<Result<Learned, StoreError>>,
 ) -> Result<(), StoreError> {
+    builder.credit_names_to(detector.name());
     while let Ok(Job { frame, carrier }) = inbox.recv() {
         let detections = detector.detect(&frame);
         let update = builder.observe(&map, &frame, &detections, &carrier);
@@ -139,7 +142,8 @@ fn work(
         map.apply(update);
         if let Some(update) = &kept {
             let (frame, detections, associations) = (&*frame, &detections, builder.associations());
-            let taped = Taped { frame, detections, associations, carrier: &carrier, update, map: &map };
+            let detector = detector.name();
+            let taped = Taped { frame, detections, detector, associations, carrier: &carrier, update, map: &map };
             if let Err(error) = tapes.iter_mut().try_for_each(|tape| tape.record(&taped)) {
                 let _ = outbox.send(Err(error));
                 return Ok(());

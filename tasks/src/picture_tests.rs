@@ -23,6 +23,7 @@ pub(crate) fn small_map(name: &str) -> Map {
         },
         attributes: Attributes::default(),
         visual_feature: vec![1.0],
+        provenance: Default::default(),
         text_feature: vec![1.0],
         room: None,
         observations: 5,

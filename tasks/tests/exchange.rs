@@ -42,6 +42,7 @@ fn object(id: u64, name: &str, center: [f64; 3], yaw: f64, points: usize) -> Map
         },
         attributes,
         visual_feature: vec![0.6, 0.8, 0.1],
+        provenance: Default::default(),
         text_feature: vec![1.0 / 3.0, 0.2],
         room: Some(RoomId(id as u32 % 2)),
         observations: 5 + id as u32,
@@ -110,6 +111,13 @@ fn exports_are_read_by_others_and_come_back() {
     let count = |value: u8| image[image.len() - free.cells.len()..].iter().filter(|pixel| **pixel == value).count();
     assert_eq!([count(0), count(254)], [67, 133]);
     assert!(fs::read_to_string(path.join("map.yaml")).unwrap().contains("resolution: 0.05"));
+    // Whichever of the two files is named, the image is none of text and the text names the image.
+    for (named, files) in [("floor.yaml", "floor"), ("named.pgm", "named"), ("v1.2", "v1.2")] {
+        dsm(path, &["map", "export", "map.dsm", "--format", "nav2", "-o", named]);
+        assert_eq!(fs::read(path.join(format!("{files}.pgm"))).unwrap(), image, "{named}");
+        let text = fs::read_to_string(path.join(format!("{files}.yaml"))).unwrap();
+        assert!(text.starts_with(&format!("image: {files}.pgm\n")), "{named}: {text}");
+    }
 
     let shown = dsm(path, &["map", "show", "map.dsm", "--json"]).stdout;
     fs::write(path.join("shown.json"), shown).unwrap();

@@ -65,6 +65,7 @@ fn map_of(cloud: &LabelledCloud, names: &[(i64, &str)]) -> Map {
             bounds: OrientedBox::from(Aabb::from_points(&all).unwrap()),
             attributes: Attributes::default(),
             visual_feature: vec![1.0],
+            provenance: Default::default(),
             text_feature: vec![1.0],
             room: None,
             observations: 5,

@@ -41,6 +41,7 @@ pub(crate) fn flat(knowledge: &Knowledge) -> Map {
             bounds: OrientedBox { center, size, rotation: UnitQuaternion::identity() },
             attributes,
             visual_feature: Vec::new(),
+            provenance: Default::default(),
             text_feature: Vec::new(),
             room: None,
             observations: 9,

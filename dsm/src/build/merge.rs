@@ -193,6 +193,7 @@ mod tests {
             bounds: OrientedBox { center, size: Vector3::new(0.4, 0.4, height_m), rotation: Default::default() },
             attributes: Default::default(),
             visual_feature: vec![1.0],
+            provenance: Default::default(),
             text_feature: KnowledgeTextEncoder::new(Arc::new(crate::knowledge::Knowledge::embedded().unwrap()))
                 .encode("drawer"),
             room: None,

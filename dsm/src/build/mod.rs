@@ -102,10 +102,11 @@ impl MapBuilder {
         text: Box<dyn TextEncoder>,
         describer: Box<dyn Describer>,
     ) -> Self {
+        let describer_name = describer.name().into();
         Self {
             config,
             knowledge,
-            encoders: Encoders { visual, text, describer },
+            encoders: Encoders { visual, text, describer, detector_name: "detector".into(), describer_name },
             tracks: Tracks::default(),
             drift: Drift::default(),
             occupancy: Occupancy::default(),
@@ -119,6 +120,13 @@ impl MapBuilder {
     /// map. Detections of another frame are ignored; free space is still updated.
     pub fn observe(&mut self, map: &Map, frame: &RgbdFrame, detections: &Detections, carrier: &Carrier) -> MapUpdate {
         self.observe_in_stages(map, frame, detections, carrier, &mut |_| {})
+    }
+
+    /// Says who gives the names of the frames to come; the map keeps it with the votes.
+    pub fn credit_names_to(&mut self, detector: &str) {
+        if *self.encoders.detector_name != *detector {
+            self.encoders.detector_name = detector.into();
+        }
     }
 
     /// Which detections of the last frame were taken for which objects, as the detection's place in its list and the

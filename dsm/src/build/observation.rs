@@ -10,6 +10,7 @@ use crate::knowledge::Category;
 use crate::map::MapPoint;
 use crate::perceive::{AttributeVote, Describer, Detection, ObjectView, TextEncoder, VisualEncoder};
 use nalgebra::{Point3, Vector3};
+use std::sync::Arc;
 
 /// Noise of a depth reading at `depth_m` (about three sigma of a structured-light sensor: quantisation z^2/281 plus
 /// jitter), metres.
@@ -32,6 +33,7 @@ pub(super) struct Observation {
     /// Its detection's place in the frame's list.
     pub(super) detection: usize,
     pub(super) name: String,
+    pub(super) named_by: Arc<str>,
     /// Detector score, lowered with distance and at the image border: the weight of its votes.
     pub(super) weight: f32,
     pub(super) points: Vec<MapPoint>,
@@ -43,6 +45,7 @@ pub(super) struct Observation {
     pub(super) visual_feature: Vec<f32>,
     pub(super) text_feature: Vec<f32>,
     pub(super) attributes: Vec<AttributeVote>,
+    pub(super) described_by: Arc<str>,
     pub(super) view: View,
 }
 
@@ -63,6 +66,9 @@ pub(super) struct Encoders {
     pub(super) visual: Box<dyn VisualEncoder>,
     pub(super) text: Box<dyn TextEncoder>,
     pub(super) describer: Box<dyn Describer>,
+    /// Who gives names, and who gives attributes.
+    pub(super) detector_name: Arc<str>,
+    pub(super) describer_name: Arc<str>,
 }
 
 /// A detection as an observation; `None` when too little of it is measured.
@@ -93,6 +99,8 @@ pub(super) fn find_observation(
         visual_feature: encoders.visual.encode(&object_view),
         text_feature: encoders.text.encode(&detection.name),
         attributes: encoders.describer.describe(&object_view),
+        named_by: encoders.detector_name.clone(),
+        described_by: encoders.describer_name.clone(),
         view: View::new(frame, &mask, depth),
         points,
         bounds,

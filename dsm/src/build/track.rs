@@ -5,7 +5,7 @@ use super::observation::{Observation, robust_aabb};
 use super::window::Window;
 use crate::frame::FrameId;
 use crate::geometry::{Aabb, OrientedBox};
-use crate::map::{MapObject, ObjectId, ObjectState, Votes};
+use crate::map::{MapObject, ObjectId, ObjectState, VoteSubject, Votes};
 use crate::perceive::normalize;
 use crate::time::Stamp;
 use nalgebra::Vector3;
@@ -64,6 +64,7 @@ impl Track {
             bounds: observation.bounds.into(),
             attributes: Default::default(),
             visual_feature: Vec::new(),
+            provenance: Default::default(),
             text_feature: Vec::new(),
             room: None,
             observations: 0,
@@ -82,18 +83,22 @@ impl Track {
         observation: Observation,
     ) -> bool {
         self.absent = 0;
-        self.seen.push_back(observation.view.frame);
+        let frame = observation.view.frame;
+        self.seen.push_back(frame);
         if self.seen.len() > SEEN_FRAMES {
             self.seen.pop_front();
         }
         self.window.add(config, observation.view, &observation.points, &self.aabb.center());
         let weight = observation.weight.max(1e-3);
         object.names.add(&observation.name, weight);
+        object.provenance.add(VoteSubject::Name, &observation.name, &observation.named_by, weight, frame);
         if object.name() == observation.name {
             self.depth_m = observation.depth_m;
         }
         for vote in &observation.attributes {
             object.attributes.add(vote.kind, vote.key, &vote.word, vote.weight * weight);
+            let subject = VoteSubject::Attribute(vote.kind, vote.key.to_owned());
+            object.provenance.add(subject, &vote.word, &observation.described_by, vote.weight * weight, frame);
         }
         // A running mean whose newest view counts for at least a twentieth: light changes.
         let part = (1.0 / (object.observations as f32 + 1.0)).max(0.05);
@@ -112,6 +117,7 @@ impl Track {
         self.window.absorb(config, gone.window, &self.aabb.center());
         target.names.merge(&source.names);
         target.attributes.merge(&source.attributes);
+        target.provenance.merge(&source.provenance);
         let part = source.observations as f32 / (source.observations + target.observations).max(1) as f32;
         blend(&mut target.visual_feature, &source.visual_feature, part);
         blend(&mut target.text_feature, &source.text_feature, part);

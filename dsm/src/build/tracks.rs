@@ -142,6 +142,7 @@ mod tests {
             bounds: bounds.into(),
             attributes: Default::default(),
             visual_feature: vec![],
+            provenance: Default::default(),
             text_feature: vec![],
             room: None,
             observations: 1,

@@ -68,6 +68,7 @@ fn true_relations(
                 bounds: thing.bounds,
                 attributes: Default::default(),
                 visual_feature: Vec::new(),
+                provenance: Default::default(),
                 text_feature: Vec::new(),
                 room: room.map(|room| RoomId(room as u32)),
                 observations: 1,

@@ -144,6 +144,7 @@ impl SceneLine {
                 bounds: OrientedBox::from(bounds),
                 attributes: Attributes::default(),
                 visual_feature: Vec::new(),
+                provenance: Default::default(),
                 text_feature: Vec::new(),
                 room: None,
                 observations: 1,

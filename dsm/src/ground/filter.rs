@@ -4,6 +4,7 @@
 //! is the product of how well it fits its noun and attributes and, for each relation, the best product of relation and
 //! anchor score over all anchors. Nothing is cut off hard; a violated constraint leaves a small factor.
 
+use super::anchors::{best_anchor, best_anchors};
 use super::answer::ReferenceFrame;
 use super::bounds::{is_structure, structure_scores};
 use super::config::GroundConfig;
@@ -252,29 +253,18 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
             }
             (false, None) => relate::relation_score(scene, term.word, target, anchor),
         };
-        best_anchors(&result.total, |target| best_anchor(&anchors, target, holds))
+        let linked = scene.linked_to(anchors.iter().map(|(anchor, _)| *anchor));
+        let most = |target: usize, anchor: usize| match context.config.presume_present || linked[target] {
+            true => f32::INFINITY,
+            false => relate::most(term.word, &scene.items[target].bounds, &scene.items[anchor].bounds),
+        };
+        best_anchors(&result.total, |target| best_anchor(&anchors, target, most, holds))
     };
     if context.config.presume_present {
         likeness::relative_to_best(&mut scores, &result.total);
     }
     let scores = finish(context.config, term, scores);
     result.push(kind, label, scores, anchors);
-}
-
-/// The best anchor of a target and the score with it; ties go to the likelier anchor. `anchors` are sorted by weight, so
-/// that the search ends where no further one can win.
-fn best_anchor(anchors: &[(usize, f32)], target: usize, holds: impl Fn(usize, usize) -> f32) -> (f32, Option<usize>) {
-    let mut best = (0.0, None);
-    for (anchor, weight) in anchors.iter().filter(|(anchor, _)| *anchor != target) {
-        if *weight <= best.0 {
-            break;
-        }
-        let score = weight * holds(target, *anchor);
-        if score > best.0 {
-            best = (score, Some(*anchor));
-        }
-    }
-    best
 }
 
 /// Sides as others would read them: by the anchor's likeliest face, and as mere nearness.
@@ -284,16 +274,11 @@ fn push_readings(context: Context<'_, '_>, term: &RelationTerm, anchors: &[(usiz
     let face = if side { Kind::SideFace } else { Kind::DepthFace };
     for (kind, reading) in [(face, Reading::Face), (Kind::SideNear, Reading::Near)] {
         let holds = |target, anchor| likeness::read_score(scene, term.word, target, anchor, reading);
-        let (mut scores, _) = best_anchors(&result.total, |target| best_anchor(anchors, target, holds));
+        let (mut scores, _) =
+            best_anchors(&result.total, |target| best_anchor(anchors, target, |_, _| f32::INFINITY, holds));
         likeness::relative_to_best(&mut scores, &result.total);
         result.readings.push((kind, finish(context.config, term, scores)));
     }
-}
-
-/// For each target that still counts, the best anchor and its score.
-fn best_anchors(total: &[f32], best_of: impl Fn(usize) -> (f32, Option<usize>)) -> (Vec<f32>, Vec<Option<usize>>) {
-    let best = |target: usize| if total[target] < 1e-4 { (0.0, None) } else { best_of(target) };
-    (0..total.len()).map(best).unzip()
 }
 
 fn between_scores(

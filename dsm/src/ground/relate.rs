@@ -142,6 +142,41 @@ pub(super) fn relation_score(scene: &Scene<'_>, word: RelationWord, target: usiz
     score as f32
 }
 
+/// The most that [`relation_score`] can be by the gaps between two boxes, when no relation is stored between the things.
+pub(super) fn most(word: RelationWord, a: &Aabb, b: &Aabb) -> f32 {
+    /// Wider than what rounding makes of a distance.
+    const ROUNDING: f64 = 1e-9;
+    let gap = |i: usize| (a.min[i] - b.max[i]).max(b.min[i] - a.max[i]).max(0.0);
+    let gaps = [gap(0), gap(1), gap(2)];
+    let covered = gaps[0] <= 0.0 && gaps[1] <= 0.0;
+    let least_m = gaps.iter().map(|gap| gap * gap).sum::<f64>().sqrt() * (1.0 - ROUNDING);
+    let beside = |full_m: f64, none_m: f64| {
+        let reach = 0.25 * a.size().xy().max().max(b.size().xy().max());
+        falling(least_m, full_m + 0.3 * reach, none_m + reach)
+    };
+    let most = match word {
+        RelationWord::On
+        | RelationWord::In
+        | RelationWord::Under
+        | RelationWord::Above
+        | RelationWord::Below
+        | RelationWord::Between => f64::from(u8::from(covered)),
+        RelationWord::NextTo => beside(0.2, 1.0).max(CLEARLY_NOT) * fading(least_m),
+        RelationWord::Near | RelationWord::Closest => falling(least_m, 0.3, 2.5) * fading(least_m),
+        RelationWord::Far | RelationWord::Farthest => {
+            let most_m = gaps.iter().sum::<f64>() * (1.0 + ROUNDING);
+            (1.0 - falling(most_m, 1.0, 4.0)).max(CLEARLY_NOT) * (1.0 - 0.2 * fading(most_m))
+        }
+        RelationWord::Against => beside(0.08, 0.4),
+        RelationWord::With if covered => 1.0,
+        RelationWord::With => 0.9 * beside(0.25, 1.0),
+        RelationWord::LeftOf | RelationWord::RightOf | RelationWord::InFrontOf | RelationWord::Behind => {
+            0.5 + 0.5 * falling(least_m, 0.5, 4.0)
+        }
+    };
+    most as f32
+}
+
 /// A shelf or an open cupboard: clearly higher than what it holds.
 fn is_open_storage(container: &Aabb, content: &Aabb) -> bool {
     container.size().z > 2.0 * content.size().z && container.size().z > 0.4 && content.min.z > container.min.z + 0.08
@@ -162,6 +197,9 @@ pub(super) fn side_score(view: &View, word: RelationWord, a: &Aabb, b: &Aabb) ->
         return 0.0;
     }
     let direction = falling(-offset.dot(&wanted) / distance, -0.7, -0.17);
+    if direction <= 0.0 {
+        return 0.0;
+    }
     direction * (0.5 + 0.5 * falling(box_distance_m(a, b), 0.5, 4.0))
 }
 

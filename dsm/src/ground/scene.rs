@@ -111,6 +111,20 @@ impl<'a> Scene<'a> {
         edges.map(|edge| edge.2).fold(0.0, f32::max)
     }
 
+    /// By item, whether a relation is stored between it and one of these.
+    pub(super) fn linked_to(&self, anchors: impl Iterator<Item = usize>) -> Vec<bool> {
+        let mut is_anchor = vec![false; self.items.len()];
+        anchors.for_each(|anchor| is_anchor[anchor] = true);
+        let mut linked = vec![false; self.items.len()];
+        for (from, edges) in self.edges.iter().enumerate() {
+            for (to, ..) in edges {
+                linked[*to] |= is_anchor[from];
+                linked[from] |= is_anchor[*to];
+            }
+        }
+        linked
+    }
+
     /// Whether an item is most likely a second entry of another one: of its name and in its very place, of a name like its
     /// own and a piece of it, or seen a few times only where a well-known thing stands. A map in the making holds such
     /// entries until they are merged or die.

@@ -1,6 +1,7 @@
 //! One object of the map.
 
 use super::attributes::Attributes;
+use super::provenance::Provenance;
 use super::room::RoomId;
 use super::votes::Votes;
 use crate::geometry::OrientedBox;
@@ -47,6 +48,9 @@ pub struct MapObject {
     pub bounds: OrientedBox,
     /// Its attributes A_i.
     pub attributes: Attributes,
+    /// Who gave the votes for names and attributes. Map files hold it in records of its own.
+    #[serde(skip)]
+    pub provenance: Provenance,
     /// Visual feature f_v, unit length.
     pub visual_feature: Vec<f32>,
     /// Feature f_s of its names, unit length.

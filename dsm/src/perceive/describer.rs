@@ -101,6 +101,10 @@ impl KnowledgeDescriber {
 }
 
 impl Describer for KnowledgeDescriber {
+    fn name(&self) -> &str {
+        "knowledge"
+    }
+
     fn describe(&self, view: &ObjectView) -> Vec<AttributeVote> {
         let mut votes = Vec::new();
         let mut vote = |kind: AttributeKind, key: &'static str, word: &str, weight: f32| {

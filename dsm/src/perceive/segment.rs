@@ -36,6 +36,10 @@ const HALVED_FROM: u32 = 400;
 pub struct PixelSegmenter;
 
 impl Detector for PixelSegmenter {
+    fn name(&self) -> &str {
+        "pixels"
+    }
+
     fn detect(&mut self, frame: &RgbdFrame) -> Detections {
         let count = frame.model.pixel_count();
         let whole = frame.color.len() == count && frame.depth_m.len() == count && count > 0;

@@ -5,7 +5,7 @@ use super::spark_dsg::spark_dsg;
 use super::{StoreError, show_map, write_atomically};
 use crate::map::{CellState, Map};
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A foreign format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub enum ExportFormat {
     Nav2,
 }
 
-/// Writes the map to `path`; `Nav2` writes `path` (PGM) and the same name with `.yaml`.
+/// Writes the map to `path`; `Nav2` writes an image `.pgm` and a `.yaml` beside it, whichever of the two `path` names.
 pub fn export_map(map: &Map, format: ExportFormat, path: &Path) -> Result<(), StoreError> {
     match format {
         ExportFormat::Ply => write_atomically(path, ply(map).as_bytes()),
@@ -33,9 +33,23 @@ pub fn export_map(map: &Map, format: ExportFormat, path: &Path) -> Result<(), St
         ExportFormat::Gltf => write_atomically(path, &glb(map)),
         ExportFormat::SparkDsg => write_atomically(path, spark_dsg(map).to_string().as_bytes()),
         ExportFormat::Nav2 => {
-            let (image, yaml) = nav2(map, path);
-            write_atomically(path, &image)?;
-            write_atomically(&path.with_extension("yaml"), yaml.as_bytes())
+            let image_path = beside(path, "pgm");
+            let (image, yaml) = nav2(map, &image_path);
+            write_atomically(&image_path, &image)?;
+            write_atomically(&beside(path, "yaml"), yaml.as_bytes())
+        }
+    }
+}
+
+/// The path with another ending; one that belongs to neither file of a Nav2 map is a part of the name.
+fn beside(path: &Path, ending: &str) -> PathBuf {
+    match path.extension().and_then(|own| own.to_str()) {
+        Some("pgm" | "yaml") => path.with_extension(ending),
+        _ => {
+            let mut name = path.as_os_str().to_owned();
+            name.push(".");
+            name.push(ending);
+            name.into()
         }
     }
 }

@@ -2,8 +2,9 @@
 
 use super::record::{Contents, Kind, Lost, Record, read_u32, scan};
 use super::{FORMAT_VERSION, MAGIC, StoreError};
-use crate::map::{Map, MapChange, MapUpdate, ObjectId};
+use crate::map::{Map, MapChange, MapUpdate, ObjectId, Provenance};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Length of magic, version and cell size.
@@ -50,18 +51,26 @@ pub fn load_map(path: &Path) -> Result<LoadedMap, StoreError> {
 pub fn decode(bytes: &[u8], path: &Path) -> Result<LoadedMap, StoreError> {
     let (resolution_m, minor) = read_header(bytes, path)?;
     let (records, mut lost) = scan(bytes, HEADER_BYTES, minor);
-    let parsed: Vec<(&Record<'_>, postcard::Result<MapUpdate>)> = records
-        .par_iter()
-        .filter(|record| record.kind == Kind::Update)
-        .map(|record| (record, postcard::from_bytes(record.payload)))
-        .collect();
+    let parsed: Vec<(&Record<'_>, Result<Parsed, String>)> =
+        records.par_iter().filter_map(|record| Some((record, parse(record)?))).collect();
+    // Stands before the state of its object.
+    let mut provenance: BTreeMap<ObjectId, Provenance> = BTreeMap::new();
     let mut map = Map::new(resolution_m);
     let mut extent = Extent::default();
     let mut applied = Vec::new();
     for (record, update) in parsed {
         match update {
-            Ok(update) => {
+            Ok(Parsed::Provenance(id, new)) => {
+                provenance.insert(id, new);
+            }
+            Ok(Parsed::Update(mut update)) => {
                 check(&update, &mut extent, path)?;
+                for change in &mut update.changes {
+                    if let MapChange::Put(object) = change {
+                        let known = || map.find_object(object.id).map(|object| object.provenance.clone());
+                        object.provenance = provenance.remove(&object.id).or_else(known).unwrap_or_default();
+                    }
+                }
                 map.apply(update);
                 applied.push(record.offset);
             }
@@ -100,6 +109,24 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<LoadedMap, StoreError> {
         unknown_records: records.iter().filter(|record| record.kind == Kind::Unknown).count(),
         lost_bytes: lost.iter().map(|lost| lost.to - lost.from).sum(),
         lost,
+    })
+}
+
+/// A record that says something of the map.
+enum Parsed {
+    Update(MapUpdate),
+    Provenance(ObjectId, Provenance),
+}
+
+fn parse(record: &Record<'_>) -> Option<Result<Parsed, String>> {
+    let parsed = match record.kind {
+        Kind::Update => postcard::from_bytes(record.payload).map(Parsed::Update),
+        Kind::Provenance => postcard::from_bytes(record.payload).map(|(id, of)| Parsed::Provenance(id, of)),
+        Kind::Contents | Kind::LogBegins | Kind::Unknown => return None,
+    };
+    Some(match parsed {
+        Ok(Parsed::Provenance(_, of)) if !of.is_sound() => Err("rows of votes are not in order".into()),
+        other => other.map_err(|error| error.to_string()),
     })
 }
 

@@ -2,8 +2,9 @@
 //! file is an error or a reported loss, never a panic.
 use super::super::{decode, load_map};
 use super::*;
+use crate::frame::FrameId;
 use crate::geometry::OrientedBox;
-use crate::map::{Attributes, MapPoint, ObjectState, Relation, RelationKind, Votes};
+use crate::map::{Attributes, MapPoint, ObjectState, Provenance, Relation, RelationKind, VoteSubject, Votes};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,11 +27,51 @@ fn object(id: u64, x: f64) -> MapObject {
         },
         attributes: Attributes::default(),
         visual_feature: vec![1.0, 0.0],
+        provenance: provenance(x),
         text_feature: vec![0.0, 1.0],
         room: None,
         observations: 4,
         first_seen: Stamp(1),
         last_seen: Stamp(2),
+    }
+}
+
+/// As many votes as tenths of a metre.
+fn provenance(x: f64) -> Provenance {
+    let mut provenance = Provenance::default();
+    for frame in 0..=(10.0 * x) as u64 {
+        provenance.add(VoteSubject::Name, "apple", "simulated", 0.5, FrameId(frame));
+    }
+    provenance
+}
+
+/// A file whose record of votes is damaged still has its objects; one that a reader does not know it skips.
+#[test]
+fn who_gave_votes_is_kept_in_records_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.dsm");
+    let map = applied(&history());
+    save_map(&path, &map).unwrap();
+    let loaded = load_map(&path).unwrap();
+    let credit = loaded.map.find_object(ObjectId(1)).unwrap().provenance.credits()[0].clone();
+    assert_eq!((credit.source.as_str(), credit.votes, credit.last), ("simulated", 6, FrameId(5)));
+    let mut bytes = std::fs::read(&path).unwrap();
+    let first = bytes.windows(5).position(|five| five == [0xD5, b'R', b'E', b'C', 3]).unwrap();
+    // A kind that nobody knows, with its checksum: as a reader of version 1.1 sees the record.
+    let length = u32::from_le_bytes(bytes[first + 5..first + 9].try_into().unwrap()) as usize;
+    bytes[first + 4] = 77;
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&bytes[first + 4..first + 9]);
+    hasher.update(&bytes[first + 13..first + 13 + length]);
+    bytes[first + 9..first + 13].copy_from_slice(&hasher.finalize().to_le_bytes());
+    let skipped = decode(&bytes, &path).unwrap();
+    assert_eq!((skipped.unknown_records, skipped.loss.as_deref()), (1, None));
+    bytes[first + 20] ^= 1;
+    let damaged = decode(&bytes, &path).unwrap();
+    assert!(damaged.lost_bytes > 0 && damaged.missing_records == 0, "{:?}", damaged.loss);
+    for read in [skipped, damaged] {
+        assert!(read.map.find_object(ObjectId(1)).unwrap().provenance.is_empty());
+        assert_eq!(read.map.find_object(ObjectId(2)), map.find_object(ObjectId(2)));
     }
 }
 
@@ -129,7 +170,9 @@ fn damage_costs_no_more_than_it_hits() {
     let map = applied(&history());
     save_map(&path, &map).unwrap();
     let whole = std::fs::read(&path).unwrap();
-    let second = whole.windows(4).enumerate().filter(|(_, four)| *four == [0xD5, b'R', b'E', b'C']).nth(2).unwrap().0;
+    // The update that puts the second object.
+    let updates = whole.windows(5).enumerate().filter(|(_, five)| *five == [0xD5, b'R', b'E', b'C', 0]);
+    let second = updates.map(|(at, _)| at).nth(1).unwrap();
     for (at, reason) in [(20, "a checksum is wrong"), (5, "a record is cut off"), (1, "no record begins here")] {
         let mut bytes = whole.clone();
         bytes[second + at] ^= 0x40;

@@ -139,6 +139,7 @@ fn fuse(known: &mut MapObject, other: &MapObject, max_points: usize) {
     blend(&mut known.text_feature, &other.text_feature);
     known.names.merge(&other.names);
     known.attributes.merge(&other.attributes);
+    known.provenance.merge(&other.provenance);
     if other.observations > known.observations {
         known.bounds = other.bounds;
     }

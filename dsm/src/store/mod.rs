@@ -32,7 +32,7 @@ pub const MAGIC: &[u8; 8] = b"DSM-MAP\n";
 /// Major version of the format: a file with another one is refused.
 pub const FORMAT_VERSION: u32 = 1;
 /// Minor version that is written. All minor versions are read; records of a kind that is not known are skipped.
-pub const MINOR_VERSION: u16 = 1;
+pub const MINOR_VERSION: u16 = 2;
 
 /// Why a file could not be read or written.
 #[derive(Debug, Error)]

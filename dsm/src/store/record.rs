@@ -1,6 +1,7 @@
 //! Records of a map file: how they are framed, found again after damage, and told apart.
 
-use crate::map::MapUpdate;
+use crate::map::{MapChange, MapUpdate};
+
 use serde::{Deserialize, Serialize};
 
 /// First bytes of every record since minor version 1; reading goes on at the next one after damage.
@@ -22,6 +23,8 @@ pub(super) enum Kind {
     Contents,
     /// A log begins here that no end is known of.
     LogBegins,
+    /// Identity and [`crate::map::Provenance`] of an object whose state follows.
+    Provenance,
     /// Something of a later minor version.
     Unknown,
 }
@@ -32,6 +35,7 @@ impl Kind {
             0 => Self::Update,
             1 => Self::Contents,
             2 => Self::LogBegins,
+            3 => Self::Provenance,
             _ => Self::Unknown,
         }
     }
@@ -41,6 +45,7 @@ impl Kind {
             Self::Update => 0,
             Self::Contents => 1,
             Self::LogBegins => 2,
+            Self::Provenance => 3,
             Self::Unknown => u8::MAX,
         }
     }
@@ -72,9 +77,18 @@ pub struct Lost {
     pub reason: String,
 }
 
-/// An update as a record.
+/// An update as records: where its objects' votes come from, and itself.
 pub(super) fn encode_update(update: &MapUpdate) -> Vec<u8> {
-    encode(Kind::Update, update)
+    let mut bytes = Vec::new();
+    for change in &update.changes {
+        if let MapChange::Put(object) = change
+            && !object.provenance.is_empty()
+        {
+            bytes.extend(encode(Kind::Provenance, &(object.id, &object.provenance)));
+        }
+    }
+    bytes.extend(encode(Kind::Update, update));
+    bytes
 }
 
 /// A record of any kind.

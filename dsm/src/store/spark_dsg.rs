@@ -6,7 +6,8 @@
 use super::StoreError;
 use crate::geometry::OrientedBox;
 use crate::map::{
-    Attributes, CellState, Map, MapChange, MapObject, MapUpdate, ObjectId, ObjectState, Relation, Room, RoomId, Votes,
+    Attributes, CellState, Map, MapChange, MapObject, MapUpdate, ObjectId, ObjectState, Provenance, Relation, Room,
+    RoomId, Votes,
 };
 use crate::time::Stamp;
 use nalgebra::{Point2, Point3, Quaternion, UnitQuaternion, Vector3};
@@ -77,7 +78,8 @@ pub(super) fn spark_dsg(map: &Map) -> Value {
         "metadata": {
             "labelspaces": {"_l2p0": labels.iter().map(|(name, label)| json!([label, name])).collect::<Vec<_>>()},
             "dsm": {"stamp": map.stamp, "cell_m": map.free_space.resolution_m, "cells": cells,
-                "provisional": provisional, "relations": kept},
+                "provisional": provisional, "relations": kept,
+                "provisional_provenance": provisional.iter().map(|object| &object.provenance).collect::<Vec<_>>()},
         },
     })
 }
@@ -107,7 +109,7 @@ fn object_attributes(object: &MapObject, labels: &BTreeMap<&str, u32>) -> Value 
         "world_R_object": {"w": q.w, "x": q.x, "y": q.y, "z": q.z},
         "semantic_feature": {"rows": object.visual_feature.len(), "cols": 1, "data": object.visual_feature},
         "is_active": false, "is_predicted": false, "registered": false, "mesh_connections": [],
-        "last_update_time_ns": object.last_seen.0.max(0), "metadata": {"dsm": object},
+        "last_update_time_ns": object.last_seen.0.max(0), "metadata": {"dsm": object, "dsm_provenance": object.provenance},
     })
 }
 
@@ -194,6 +196,8 @@ struct Rest {
     cell_m: f64,
     cells: Vec<[i32; 3]>,
     provisional: Vec<MapObject>,
+    #[serde(default)]
+    provisional_provenance: Vec<Provenance>,
     relations: Vec<Relation>,
 }
 
@@ -255,7 +259,11 @@ pub fn import_spark_dsg(path: &Path) -> Result<Map, StoreError> {
     if let Some(rest) = rest {
         stamp = rest.stamp;
         relations.extend(rest.relations);
-        changes.extend(rest.provisional.into_iter().map(|object| MapChange::Put(Box::new(object))));
+        let mut provenance = rest.provisional_provenance.into_iter();
+        changes.extend(rest.provisional.into_iter().map(|mut object| {
+            object.provenance = provenance.next().filter(Provenance::is_sound).unwrap_or_default();
+            MapChange::Put(Box::new(object))
+        }));
         let state = |occupied: i32| if occupied == 0 { CellState::Free } else { CellState::Occupied };
         changes.push(MapChange::Cells(rest.cells.iter().map(|[x, y, s]| ([*x, *y], state(*s))).collect()));
     }
@@ -278,6 +286,8 @@ fn import_object(node: &Node, labels: &BTreeMap<u64, String>) -> Result<MapObjec
     let id = ObjectId(node.id & 0x00ff_ffff_ffff_ffff);
     if let Some(mut known) = ours::<MapObject>(&a.metadata) {
         known.id = id;
+        let provenance = a.metadata.get("dsm_provenance").and_then(|value| Provenance::deserialize(value).ok());
+        known.provenance = provenance.filter(Provenance::is_sound).unwrap_or_default();
         let moved = (known.bounds.center - bounds.center).amax() > MOVED
             || (known.bounds.size - bounds.size).amax() > MOVED
             || known.bounds.rotation.angle_to(&bounds.rotation) > MOVED.sqrt();
@@ -303,6 +313,7 @@ fn import_object(node: &Node, labels: &BTreeMap<u64, String>) -> Result<MapObjec
         bounds,
         attributes: Attributes::default(),
         visual_feature: Vec::new(),
+        provenance: Default::default(),
         text_feature: Vec::new(),
         room: None,
         observations: 1,

@@ -181,6 +181,7 @@ pub(crate) mod tests {
             bounds: OrientedBox { center, size, rotation: UnitQuaternion::identity() },
             attributes: Attributes::default(),
             visual_feature: Vec::new(),
+            provenance: Default::default(),
             text_feature: Vec::new(),
             room: None,
             observations: 10,

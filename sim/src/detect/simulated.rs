@@ -183,6 +183,10 @@ impl SimDetector {
 }
 
 impl Detector for SimDetector {
+    fn name(&self) -> &str {
+        "simulated"
+    }
+
     fn detect(&mut self, frame: &RgbdFrame) -> Detections {
         let Some(image) = self.labels.take(frame.id) else {
             return Detections { frame: frame.id, items: Vec::new() };

@@ -97,8 +97,14 @@ pub(super) fn run(args: BuildArgs) -> anyhow::Result<u8> {
         }
         let seen = sequence.read(index)?;
         let found = match (source, seen.detections) {
-            (Source::Recorded, Some(recorded)) => recorded,
-            _ => segmenter.detect(&seen.frame),
+            (Source::Recorded, Some(recorded)) => {
+                builder.credit_names_to(&seen.detector);
+                recorded
+            }
+            _ => {
+                builder.credit_names_to(segmenter.name());
+                segmenter.detect(&seen.frame)
+            }
         };
         let update = builder.observe(&map, &seen.frame, &found, &seen.carrier);
         map.apply(update.clone());

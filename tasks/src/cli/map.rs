@@ -249,10 +249,10 @@ fn choose_format(choice: Option<FormatChoice>, output: &Path) -> Result<Format, 
         (Some(FormatChoice::Csv), _) | (None, Some("csv")) => ExportFormat::Csv,
         (Some(FormatChoice::Gltf), _) | (None, Some("glb")) => ExportFormat::Gltf,
         (Some(FormatChoice::SparkDsg), _) => ExportFormat::SparkDsg,
-        (Some(FormatChoice::Nav2), _) | (None, Some("pgm")) => ExportFormat::Nav2,
+        (Some(FormatChoice::Nav2), _) | (None, Some("pgm" | "yaml")) => ExportFormat::Nav2,
         (None, _) => {
             let name = output.display();
-            let expected = "expected .ply, .json, .csv, .glb, .pgm, .png or .svg, or --format";
+            let expected = "expected .ply, .json, .csv, .glb, .pgm, .yaml, .png or .svg, or --format";
             return Err(TaskError::Usage(format!("{name}: {expected}")));
         }
     };

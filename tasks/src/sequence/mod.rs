@@ -81,7 +81,14 @@ impl From<CarrierLine> for Carrier {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct DetectionsLine {
     pub(crate) frame: FrameId,
+    /// Who detected; files of others need not say.
+    #[serde(default = "unnamed_detector")]
+    pub(crate) detector: String,
     pub(crate) items: Vec<DetectionLine>,
+}
+
+fn unnamed_detector() -> String {
+    "recorded".into()
 }
 
 /// One detection; its mask as pairs of first pixel (row-major) and length, none across the end of a row.

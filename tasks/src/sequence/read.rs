@@ -50,6 +50,8 @@ pub struct Recorded {
     pub frame: RgbdFrame,
     /// What was detected; `None` when nothing was recorded.
     pub detections: Option<Detections>,
+    /// Who detected it; empty when nothing was recorded.
+    pub detector: String,
     /// What carried the camera.
     pub carrier: Carrier,
 }
@@ -148,10 +150,12 @@ impl Sequence {
             Some(name) => read_exact(&self.folder.join(name), model.pixel_count())?,
             None => depth.values.iter().map(|units| (f64::from(*units) * self.depth_unit_mm * 1e-3) as f32).collect(),
         };
+        let recorded = self.detections.as_ref().and_then(|all| all.get(&line.id));
+        let detector = recorded.map(|found| found.detector.clone()).unwrap_or_default();
         let detections = match self.detections.as_ref() {
             None => None,
-            Some(all) => {
-                let items = all.get(&line.id).map(|found| found.items.clone()).unwrap_or_default();
+            Some(_) => {
+                let items = recorded.map(|found| found.items.clone()).unwrap_or_default();
                 let fit: Option<Vec<_>> = items.into_iter().map(|item| item.find_detection(&model)).collect();
                 let items =
                     fit.ok_or_else(|| wrong(format!("a mask of frame {} does not fit the image", line.id.0)))?;
@@ -167,7 +171,7 @@ impl Sequence {
             color,
             depth_m,
         };
-        Ok(Recorded { frame, detections, carrier: line.carrier.clone().into() })
+        Ok(Recorded { frame, detections, detector, carrier: line.carrier.clone().into() })
     }
 }
 

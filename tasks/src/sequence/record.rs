@@ -59,7 +59,7 @@ fn write_line<T: Serialize>(file: &mut BufWriter<File>, path: PathBuf, line: &T)
 
 impl Tape for SequenceRecorder {
     fn record(&mut self, taped: &Taped<'_>) -> Result<(), StoreError> {
-        let Taped { frame, detections, carrier, .. } = taped;
+        let Taped { frame, detections, detector, carrier, .. } = taped;
         let number = format!("{:06}", frame.id.0);
         let line = FrameLine {
             id: frame.id,
@@ -78,8 +78,8 @@ impl Tape for SequenceRecorder {
             let bytes: Vec<u8> = frame.depth_m.iter().flat_map(|depth| depth.to_le_bytes()).collect();
             self.write(name, &bytes)?;
         }
-        let found =
-            DetectionsLine { frame: detections.frame, items: detections.items.iter().map(Into::into).collect() };
+        let items = detections.items.iter().map(Into::into).collect();
+        let found = DetectionsLine { frame: detections.frame, detector: (*detector).to_owned(), items };
         write_line(&mut self.detections, self.folder.join("detections.jsonl"), &found)?;
         // A frame is listed when all of it is there.
         write_line(&mut self.frames, self.folder.join("frames.jsonl"), &line)

@@ -123,6 +123,7 @@ mod tests {
             bounds,
             attributes: Attributes::default(),
             visual_feature: Vec::new(),
+            provenance: Default::default(),
             text_feature: Vec::new(),
             room: None,
             observations: 9,

@@ -82,6 +82,7 @@ pub(super) mod tests {
             },
             attributes: Attributes::default(),
             visual_feature: Vec::new(),
+            provenance: Default::default(),
             text_feature: Vec::new(),
             room: None,
             observations: 9,

@@ -30,6 +30,7 @@ fn apple(id: u64) -> MapObject {
         },
         attributes: Attributes::default(),
         visual_feature: vec![1.0],
+        provenance: Default::default(),
         text_feature: vec![1.0],
         room: None,
         observations: 5,
@@ -80,7 +81,7 @@ refuse! {
     repairing_something_else: Bench::new().file("map.dsm", "words"), ["map", "check", "map.dsm", "--repair", "new.dsm"],
         ["map.dsm: not a map file"];
     export_to_an_unknown_format: map_of(apple(1)), ["map", "export", "map.dsm", "map.docx"],
-        ["map.docx: expected .ply, .json, .csv, .glb, .pgm, .png or .svg, or --format"];
+        ["map.docx: expected .ply, .json, .csv, .glb, .pgm, .yaml, .png or .svg, or --format"];
     export_without_a_file: map_of(apple(1)), ["map", "export", "map.dsm"], ["required", "OUTPUT"];
     import_of_something_else: Bench::new().file("graph.json", "{\"nodes\": 3}"),
         ["map", "import", "graph.json", "-o", "new.dsm"], ["graph.json: not spark_dsg JSON", "line 1"];

@@ -29,6 +29,7 @@ pub(in crate::ground) fn thing(id: u64, name: &str, center: [f64; 3], size: [f64
         bounds: OrientedBox::from(bounds),
         attributes: Attributes::default(),
         visual_feature: Vec::new(),
+        provenance: Default::default(),
         text_feature: Vec::new(),
         room: None,
         observations: 9,
