@@ -166,7 +166,8 @@ impl Explorer {
                         return Ok(ExploreOutcome::Enough);
                     }
                     look_towards(agent, &gap.beyond)?;
-                    look_around(agent, 1.2)?;
+                    // What cuts it off may lie beside the base, as behind the post of a door.
+                    look_around(agent, 2.6)?;
                 }
                 // A way that was blocked by what went away, or by a pose that wandered, may be open now.
                 Next::Nothing if !self.reprieved && self.frontiers.reprieve(&self.nav.frontier) => {
