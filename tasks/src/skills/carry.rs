@@ -1,11 +1,9 @@
-//! How to fold the arm around what the hand holds: the posture that keeps the robot narrow and the load as it stood, without
-//! the load touching the robot.
+//! How to fold the arm around what the hand holds: the posture that keeps the robot narrowest without the load touching it.
 
 use super::approach::configured;
 use super::grasp::UNFOLD;
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::{Configuration, RobotModel};
-use nalgebra::{UnitQuaternion, Vector3};
 
 /// Distance between the robot's own parts, load included, in the posture and on the way to it, metres.
 const APART_M: f64 = 0.012;
@@ -16,7 +14,7 @@ const SAMPLES: usize = 12;
 const LIFT_M: [f64; 4] = [0.0, 0.12, 0.24, 0.34];
 const SHOULDER_RAD: [f64; 4] = [0.0, -0.25, -0.5, -0.8];
 const ELBOW_RAD: [f64; 4] = [0.0, -0.25, -0.5, -0.8];
-const WRIST_RAD: [f64; 8] = [0.0, -0.4, -0.8, -1.3, -1.9, -2.4, -2.9, 0.5];
+const WRIST_RAD: [f64; 6] = [0.0, -0.4, -0.8, -1.3, -1.9, 0.5];
 const ROLL_RAD: [f64; 3] = [0.0, 1.57, -1.57];
 /// Offsets of the first joint: the fold as the robot's file has it, and for bulky loads one that is turned to a side.
 const TURN_RAD: [&[f64]; 2] = [&[0.0], &[-0.9, -0.6, -0.3, 0.3]];
@@ -24,28 +22,16 @@ const TURN_RAD: [&[f64]; 2] = [&[0.0], &[-0.9, -0.6, -0.3, 0.3]];
 const VARIED: [usize; 6] = [0, 1, 2, 4, 6, 7];
 /// A deviation from the fold must make the robot narrower by this, metres per unit.
 const DEVIATION_COST_M: f64 = 0.01;
-/// What a load upside down is worth, metres of width. Two pads hold a thing against sliding but hardly against turning: held
-/// aslant it turns between them on the way, by 20 degrees in 10 s, and falls over when it is put down.
-const UPSIDE_DOWN_COST_M: f64 = 0.2;
 
-fn tool_rotation(model: &RobotModel, configuration: &Configuration) -> UnitQuaternion<f64> {
-    model.kinematics.root_from_link(configuration, model.tool).rotation
-}
-
-/// The postures that lead from the unfolded arm to one that carries what `model` holds, a load with the side up that lies
-/// along `up_in_tool`; `None` when every variant touches something. The first and second posture of the robot's unfolding
-/// path are the fold and the way out of it.
-pub(super) fn find_carry(
-    model: &RobotModel,
-    configuration: &Configuration,
-    up_in_tool: Option<&Vector3<f64>>,
-) -> Option<Vec<JointPositions>> {
+/// The postures that lead from the unfolded arm to one that carries what `model` holds; `None` when every variant touches
+/// something. The first and second posture of the robot's unfolding path are the fold and the way out of it.
+pub(super) fn find_carry(model: &RobotModel, configuration: &Configuration) -> Option<Vec<JointPositions>> {
     let path = model.settings.paths.get(UNFOLD)?;
     let fold = model.find_posture(path.first()?)?;
     let side = model.find_posture(path.get(1)?)?;
     let outside = configured(model, configuration, &side);
     let folded = configured(model, configuration, &fold);
-    let found = TURN_RAD.iter().find_map(|turns| find_variant(model, &folded, &outside, turns, up_in_tool))?;
+    let found = TURN_RAD.iter().find_map(|turns| find_variant(model, &folded, &outside, turns))?;
     let values = model.arm.values_of(&found);
     let carry = JointPositions::from_values(&model.arm.joints, values)?;
     Some(vec![side, carry])
@@ -58,7 +44,6 @@ fn find_variant(
     folded: &Configuration,
     outside: &Configuration,
     turns: &[f64],
-    up_in_tool: Option<&Vector3<f64>>,
 ) -> Option<Configuration> {
     let start = model.arm.values_of(folded);
     let mut variants: Vec<(f64, Configuration)> = Vec::new();
@@ -73,10 +58,8 @@ fn find_variant(
                             let mut variant = folded.clone();
                             variant.apply_group(&model.arm, &values);
                             let deviation: f64 = offsets.iter().map(|offset| offset.abs()).sum();
-                            let up = up_in_tool.map_or(1.0, |up| (tool_rotation(model, &variant) * up).z);
-                            let tilt_cost_m = UPSIDE_DOWN_COST_M * 0.5 * (1.0 - up);
-                            let cost_m = model.radius_m(&variant) + DEVIATION_COST_M * deviation + tilt_cost_m;
-                            variants.push((cost_m, variant));
+                            let cost = model.radius_m(&variant) + DEVIATION_COST_M * deviation;
+                            variants.push((cost, variant));
                         }
                     }
                 }
@@ -118,18 +101,18 @@ fn is_way_free(model: &RobotModel, from: &Configuration, to: &Configuration) -> 
 
 #[cfg(test)]
 mod tests {
-    //! Contract: an empty hand folds as the robot's file says; with a load the fold keeps clear of it and upright, and the
-    //! robot stays narrow enough for a door.
+    //! Contract: an empty hand folds as the robot's file says; with a load the fold keeps clear of it and the robot stays
+    //! narrow enough for a door.
     use super::*;
     use dsm::geometry::OrientedBox;
-    use nalgebra::Point3;
+    use nalgebra::{Point3, UnitQuaternion, Vector3};
     use std::path::Path;
 
     #[test]
     fn folds_around_a_load() {
         let model = RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter")).unwrap();
         let ready = configured(&model, &model.kinematics.zero(), &model.find_posture("ready_down").unwrap());
-        let empty = find_carry(&model, &ready, None).expect("an empty hand folds");
+        let empty = find_carry(&model, &ready).expect("an empty hand folds");
         let fold = model.arm.values_of(&configured(&model, &ready, &model.find_posture("carry").unwrap()));
         assert!(empty[1].values().iter().zip(&fold).all(|(a, b)| (a - b).abs() < 1e-9));
         for (size, sunk_m) in [(Vector3::new(0.1, 0.1, 0.1), 0.03), (Vector3::new(0.07, 0.07, 0.25), 0.08)] {
@@ -137,11 +120,8 @@ mod tests {
                 OrientedBox { center: Point3::new(0.0, 0.0, sunk_m), size, rotation: UnitQuaternion::identity() };
             let holding = model.holding(&held);
             let ready = holding.with_gripper_width(ready.clone(), size.y);
-            let up = tool_rotation(&holding, &ready).inverse() * Vector3::z();
-            let carried = find_carry(&holding, &ready, Some(&up)).expect("a load is carried");
+            let carried = find_carry(&holding, &ready).expect("a load is carried");
             let configuration = configured(&holding, &ready, &carried[1]);
-            let cosine = (tool_rotation(&holding, &configuration) * up).z;
-            assert!(cosine > 0.8, "what stood upright is carried so, not on its head: {cosine:.2}");
             assert!(is_free(&holding, &configuration));
             let radius_m = holding.radius_m(&configuration);
             assert!(radius_m < 0.36, "{size:?}: {radius_m:.3} m");
@@ -157,8 +137,7 @@ mod tests {
         let held = OrientedBox { center: Point3::new(0.0, 0.0, 0.06), size, rotation: UnitQuaternion::identity() };
         let holding = model.holding(&held);
         let ready = holding.with_gripper_width(ready, size.y);
-        let up = tool_rotation(&holding, &ready).inverse() * Vector3::z();
-        let carried = find_carry(&holding, &ready, Some(&up)).expect("it is carried");
+        let carried = find_carry(&holding, &ready).expect("it is carried");
         let configuration = configured(&holding, &ready, &carried[1]);
         assert!(is_free(&holding, &configuration), "{:.3} m", holding.radius_m(&configuration));
     }

@@ -21,9 +21,6 @@ use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
 const BACK_M: f64 = 0.5;
 /// Speed of the base while it backs off, metres per second.
 const BACK_SPEED_M_PER_S: f64 = 0.15;
-/// Room around the load in the fold, as much as can be had, metres: it swings between the pads when the base speeds up or
-/// turns.
-const SWING_M: [f64; 3] = [0.06, 0.03, 0.0];
 /// Greatest joint error with which the arm counts as folded, radians.
 const FOLDED_RAD: f64 = 0.2;
 
@@ -109,15 +106,7 @@ pub fn carry(agent: &mut Agent, held: &Held, settings: &GraspSettings) -> Result
     let world_from_base = agent.world_from_base()?;
     let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
     let (model, configuration) = (agent.model().clone(), agent.configuration()?);
-    let up_in_tool = held.base_from_tool.inverse() * Vector3::z();
-    let hold = agent.held().copied();
-    let postures = agent.plan(move || {
-        SWING_M.iter().find_map(|swing_m| {
-            let wide = hold.map(|hold| OrientedBox { size: hold.size.add_scalar(2.0 * swing_m), ..hold });
-            let model = wide.filter(|_| *swing_m > 0.0).map_or_else(|| (*model).clone(), |wide| model.holding(&wide));
-            find_carry(&model, &configuration, Some(&up_in_tool))
-        })
-    })?;
+    let postures = agent.plan(move || find_carry(&model, &configuration))?;
     let Some(postures) = postures else {
         return Ok(Outcome::Failed(Stage::Reach, "the arm has no way to carry this object".into()));
     };
