@@ -19,7 +19,7 @@ const CONTROL_S: f64 = 0.01;
 
 fn main() {
     println!(
-        "{:>5} {:>7} | {:>8} {:>8} {:>6} | {:<9} {:>6} {:>6} {:>7} {:>7} {:>6} | {:>7} {:>7} {:>7}",
+        "{:>5} {:>7} | {:>8} {:>8} {:>6} | {:<17} {:>6} {:>6} {:>7} {:>6} {:>6} {:>4} {:>7} {:>6} | {:>7} {:>7} {:>7}",
         "dt ms",
         "it x sw",
         "us/rest",
@@ -29,6 +29,9 @@ fn main() {
         "held",
         "slip",
         "creep/s",
+        "turn",
+        "turn/s",
+        "grip",
         "depth",
         "tool",
         "v err",
@@ -36,8 +39,8 @@ fn main() {
         "side"
     );
     println!(
-        "{:>5} {:>7} | {:>8} {:>8} {:>6} | {:<9} {:>6} {:>6} {:>7} {:>7} {:>6} | {:>7} {:>7} {:>7}",
-        "", "", "", "", "", "", "", "mm", "mm/s", "mm", "mm", "mm/s", "mrad/s", "mm"
+        "{:>5} {:>7} | {:>8} {:>8} {:>6} | {:<17} {:>6} {:>6} {:>7} {:>6} {:>6} {:>4} {:>7} {:>6} | {:>7} {:>7} {:>7}",
+        "", "", "", "", "", "", "", "mm", "mm/s", "deg", "deg/s", "N", "mm", "mm", "mm/s", "mrad/s", "mm"
     );
     for (step_ns, iterations, sweeps) in [
         (2_000_000, 4, 1),
@@ -45,6 +48,8 @@ fn main() {
         (5_000_000, 2, 1),
         (5_000_000, 4, 1),
         (5_000_000, 4, 2),
+        (5_000_000, 4, 4),
+        (5_000_000, 4, 8),
         (5_000_000, 8, 1),
         (5_000_000, 12, 1),
     ] {
@@ -53,7 +58,7 @@ fn main() {
         for object in OBJECTS {
             let (rest_us, grasp) = measure_grasp(config, &object);
             println!(
-                "{:>5.1} {:>7} | {:>8.0} {:>8.0} {:>6.1} | {:<9} {:>6} {:>6.1} {:>7.2} {:>7.2} {:>6.1} | {:>7.1} {:>7.1} {:>7.1}",
+                "{:>5.1} {:>7} | {:>8.0} {:>8.0} {:>6.1} | {:<17} {:>6} {:>6.1} {:>7.2} {:>6.1} {:>6.2} {:>4.0} {:>7.2} {:>6.1} | {:>7.1} {:>7.1} {:>7.1}",
                 step_ns as f64 * 1e-6,
                 format!("{iterations}x{sweeps}"),
                 rest_us,
@@ -63,6 +68,9 @@ fn main() {
                 if grasp.held { "yes" } else { "NO" },
                 grasp.slip_mm,
                 grasp.creep_mm_per_s,
+                grasp.turn_deg,
+                grasp.turn_deg_per_s,
+                grasp.gripped_n,
                 grasp.depth_mm,
                 grasp.tool_error_mm,
                 base.forward_error_mm_per_s,
@@ -79,15 +87,18 @@ struct Object {
     mass_kg: f64,
     friction: f64,
     height_m: f64,
+    /// How far above its middle it is held, metres.
+    above_m: f64,
 }
 
-const OBJECTS: [Object; 4] = [
+const OBJECTS: [Object; 6] = [
     Object {
         name: "box",
         shape: SceneShape::Box { half_m: nalgebra::Vector3::new(0.03, 0.03, 0.05) },
         mass_kg: 0.2,
         friction: 0.5,
         height_m: 0.1,
+        above_m: 0.0,
     },
     Object {
         name: "apple",
@@ -95,6 +106,7 @@ const OBJECTS: [Object; 4] = [
         mass_kg: 0.18,
         friction: 0.5,
         height_m: 0.07,
+        above_m: 0.0,
     },
     Object {
         name: "mug",
@@ -102,6 +114,23 @@ const OBJECTS: [Object; 4] = [
         mass_kg: 0.35,
         friction: 0.4,
         height_m: 0.09,
+        above_m: 0.0,
+    },
+    Object {
+        name: "bottle",
+        shape: SceneShape::Cylinder { radius_m: 0.038, half_length_m: 0.1 },
+        mass_kg: 0.33,
+        friction: 0.45,
+        height_m: 0.2,
+        above_m: -0.01,
+    },
+    Object {
+        name: "bottle, held high",
+        shape: SceneShape::Cylinder { radius_m: 0.038, half_length_m: 0.1 },
+        mass_kg: 0.33,
+        friction: 0.45,
+        height_m: 0.2,
+        above_m: 0.05,
     },
     Object {
         name: "slick box",
@@ -109,6 +138,7 @@ const OBJECTS: [Object; 4] = [
         mass_kg: 0.5,
         friction: 0.3,
         height_m: 0.1,
+        above_m: 0.0,
     },
 ];
 
@@ -120,9 +150,11 @@ const TOOL_Z_M: f64 = 0.448 + GRASP_LIFT_M;
 /// A table with the object below the gripper and 60 bodies around.
 fn world(object: &Object) -> (SceneModel, usize) {
     let mut scene = floor();
-    let top = TOOL_Z_M - 0.5 * object.height_m;
+    let middle_z_m = TOOL_Z_M - object.above_m;
+    let top = middle_z_m - 0.5 * object.height_m;
     add_table(&mut scene, 0.71, 0.0, 1.2, top);
-    let target = add_free(&mut scene, [TOOL_X_M, 0.0, TOOL_Z_M], object.mass_kg, object.shape.clone(), object.friction);
+    let target =
+        add_free(&mut scene, [TOOL_X_M, 0.0, middle_z_m], object.mass_kg, object.shape.clone(), object.friction);
     for side in [-1.0, 1.0] {
         for table in 0..2 {
             let y = side * (1.8 + 1.3 * f64::from(table));
@@ -212,6 +244,9 @@ struct Grasp {
     held: bool,
     slip_mm: f64,
     creep_mm_per_s: f64,
+    turn_deg: f64,
+    turn_deg_per_s: f64,
+    gripped_n: f64,
     depth_mm: f64,
     tool_error_mm: f64,
     step_us: f64,
@@ -238,7 +273,10 @@ fn measure_grasp(config: PhysicsConfig, object: &Object) -> (f64, Grasp) {
 
     let before_creep = tool_from_object(&rig.physics);
     rig.run(4.0, |_| {});
-    let creep = (tool_from_object(&rig.physics).translation.vector - before_creep.translation.vector).norm();
+    let after_creep = tool_from_object(&rig.physics);
+    let creep = (after_creep.translation.vector - before_creep.translation.vector).norm();
+    let turning = after_creep.rotation.angle_to(&before_creep.rotation);
+    let gripped_n = rig.physics.grip_force_n();
     rig.note_depth();
 
     let drive = |forward: f64, turn: f64| {
@@ -262,6 +300,9 @@ fn measure_grasp(config: PhysicsConfig, object: &Object) -> (f64, Grasp) {
         held: slip < 0.03 && rig.physics.grip_force_n() > 5.0,
         slip_mm: slip * 1e3,
         creep_mm_per_s: creep * 1e3 / 4.0,
+        turn_deg: end.rotation.angle_to(&grasped.rotation).to_degrees(),
+        turn_deg_per_s: turning.to_degrees() / 4.0,
+        gripped_n,
         depth_mm: rig.max_depth_m * 1e3,
         tool_error_mm: tool_error * 1e3,
         step_us: rig.step_us(),
