@@ -83,8 +83,8 @@ pub(super) fn come_to(
     Ok(Ok(()))
 }
 
-/// Finds how to come to the first `wanted` of the `stands` that have room for it with the arm ready. What is `held` is no
-/// obstacle; a target that is yet to be grasped is one.
+/// Finds how to come to the first `wanted` of the `stands` that have room for it with the arm ready, and with the tool at
+/// least at `tool_z_m` above the floor. What is `held` is no obstacle; a target that is yet to be grasped is one.
 #[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
 pub fn find_approaches(
     map: &Map,
@@ -94,11 +94,78 @@ pub fn find_approaches(
     folded: &Configuration,
     stands: &[Pose2],
     held: Option<ObjectId>,
+    tool_z_m: f64,
     wanted: usize,
 ) -> Vec<Approach> {
     let unfoldings = find_unfoldings(model, folded);
+    let unfoldings: Vec<_> =
+        unfoldings.into_iter().filter_map(|postures| raised_to(model, folded, postures, tool_z_m)).collect();
     let way = |stand: &Pose2| find_approach(map, model, costmap, field, folded, &unfoldings, stand, held);
     stands.iter().filter_map(way).take(wanted).collect()
+}
+
+/// As [`find_approaches`], for the first of a few stands, with a way of the arm that is planned around what stands there:
+/// between a bed and a wall the arm does not sweep out to its side.
+#[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
+pub fn find_approach_around(
+    map: &Map,
+    model: &RobotModel,
+    costmap: &Costmap,
+    field: &Field,
+    folded: &Configuration,
+    stands: &[Pose2],
+    held: Option<ObjectId>,
+    tool_z_m: f64,
+) -> Option<Approach> {
+    /// Each failure costs the whole search.
+    const MAX_STANDS: usize = 3;
+    const BACK_M: [f64; 3] = [0.0, 0.25, 0.4];
+    const MAX_NODES: usize = 600;
+    let ends: Vec<Vec<JointPositions>> = LIFT_SHARES
+        .iter()
+        .rev()
+        .filter_map(|&share| raised_to(model, folded, unfolding(model, share)?, tool_z_m))
+        .collect();
+    stands.iter().take(MAX_STANDS).find_map(|stand| {
+        let near_stand = find_obstacles(map, &stand.to_pose(), held);
+        BACK_M.iter().find_map(|&back_m| {
+            let unfold_at = step_back(costmap, field, stand, back_m)?;
+            let near_unfold = find_obstacles(map, &unfold_at.to_pose(), held);
+            ends.iter().find_map(|postures| {
+                let ready = configured(model, folded, postures.last()?);
+                if !is_step_free(model, &ready, &near_stand, back_m) {
+                    return None;
+                }
+                let goal = JointPositions::from_values(&model.arm.joints, model.arm.values_of(&ready))?;
+                let request = PathRequest {
+                    obstacles: &near_unfold,
+                    margin_m: MARGIN_M,
+                    max_nodes: MAX_NODES,
+                    ..PathRequest::new(folded)
+                };
+                let postures = find_joint_path(model, &goal, &request)?;
+                Some(Approach { unfold_at, stand: *stand, postures })
+            })
+        })
+    })
+}
+
+/// Where the base stands before its last step straight to the stand; `None` where it cannot.
+fn step_back(costmap: &Costmap, field: &Field, stand: &Pose2, back_m: f64) -> Option<Pose2> {
+    let ahead = Vector2::new(stand.yaw_rad.cos(), stand.yaw_rad.sin());
+    let position: Point2<f64> = stand.position - ahead * back_m;
+    let is_way = costmap.is_traversable_at(&position)
+        && costmap.find_segment_cost(&position, &stand.position).is_some()
+        && field.find_length_to_m(&position).is_some();
+    is_way.then_some(Pose2 { position, yaw_rad: stand.yaw_rad })
+}
+
+/// Whether the last step is free with the arm ready: the obstacles seen from the stand are moved by what is left of the way.
+fn is_step_free(model: &RobotModel, ready: &Configuration, near_stand: &[Obstacle], back_m: f64) -> bool {
+    (0..=SAMPLES).all(|i| {
+        let left_m = back_m * (1.0 - i as f64 / SAMPLES as f64);
+        !collides(model, ready, &shifted(near_stand, left_m))
+    })
 }
 
 #[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
@@ -112,29 +179,16 @@ fn find_approach(
     stand: &Pose2,
     held: Option<ObjectId>,
 ) -> Option<Approach> {
-    let ahead = Vector2::new(stand.yaw_rad.cos(), stand.yaw_rad.sin());
     let near_stand = find_obstacles(map, &stand.to_pose(), held);
     for back_m in BACK_M {
-        let position: Point2<f64> = stand.position - ahead * back_m;
-        if !costmap.is_traversable_at(&position)
-            || costmap.find_segment_cost(&position, &stand.position).is_none()
-            || field.find_length_to_m(&position).is_none()
-        {
-            continue;
-        }
-        let unfold_at = Pose2 { position, yaw_rad: stand.yaw_rad };
+        let Some(unfold_at) = step_back(costmap, field, stand, back_m) else { continue };
         let near_unfold = find_obstacles(map, &unfold_at.to_pose(), held);
         for postures in unfoldings {
             if !is_free_along(model, folded, postures, &near_unfold) {
                 continue;
             }
-            // The last step, with the obstacles seen from the stand moved by what is left of the way.
             let ready = configured(model, folded, postures.last()?);
-            let clear = (0..=SAMPLES).all(|i| {
-                let left_m = back_m * (1.0 - i as f64 / SAMPLES as f64);
-                !collides(model, &ready, &shifted(&near_stand, left_m))
-            });
-            if clear {
+            if is_step_free(model, &ready, &near_stand, back_m) {
                 return Some(Approach { unfold_at, stand: *stand, postures: postures.clone() });
             }
         }
@@ -159,6 +213,28 @@ fn find_unfoldings(model: &RobotModel, folded: &Configuration) -> Vec<Vec<JointP
         }
     }
     all
+}
+
+/// The postures with the lift high enough in the last one that the tool is at `tool_z_m`; `None` beyond the lift's travel.
+fn raised_to(
+    model: &RobotModel,
+    folded: &Configuration,
+    mut postures: Vec<JointPositions>,
+    tool_z_m: f64,
+) -> Option<Vec<JointPositions>> {
+    let last = postures.last_mut()?;
+    let ready = configured(model, folded, last);
+    let missing_m = tool_z_m - model.kinematics.root_from_link(&ready, model.tool).translation.z;
+    if missing_m > 0.0 {
+        let (lift, limits) = (model.arm.joints.first()?, model.arm.limits.first()?);
+        let index = last.names().iter().position(|name| name == lift)?;
+        let raised = last.values()[index] + missing_m;
+        if raised > limits.upper {
+            return None;
+        }
+        last.values_mut()[index] = raised;
+    }
+    Some(postures)
 }
 
 /// The postures from the fold to ready, with the lift at a share of its range in the last one.
