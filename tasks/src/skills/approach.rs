@@ -98,8 +98,11 @@ pub fn find_approaches(
     wanted: usize,
 ) -> Vec<Approach> {
     let unfoldings = find_unfoldings(model, folded);
-    let unfoldings: Vec<_> =
+    let mut unfoldings: Vec<_> =
         unfoldings.into_iter().filter_map(|postures| raised_to(model, folded, postures, tool_z_m)).collect();
+    if unfoldings.is_empty() {
+        unfoldings.extend(raised_by_arm(model, folded, tool_z_m));
+    }
     let way = |stand: &Pose2| find_approach(map, model, costmap, field, folded, &unfoldings, stand, held);
     stands.iter().filter_map(way).take(wanted).collect()
 }
@@ -121,11 +124,14 @@ pub fn find_approach_around(
     const MAX_STANDS: usize = 3;
     const BACK_M: [f64; 3] = [0.0, 0.25, 0.4];
     const MAX_NODES: usize = 600;
-    let ends: Vec<Vec<JointPositions>> = LIFT_SHARES
+    let mut ends: Vec<Vec<JointPositions>> = LIFT_SHARES
         .iter()
         .rev()
         .filter_map(|&share| raised_to(model, folded, unfolding(model, share)?, tool_z_m))
         .collect();
+    if ends.is_empty() {
+        ends.extend(raised_by_arm(model, folded, tool_z_m));
+    }
     stands.iter().take(MAX_STANDS).find_map(|stand| {
         let near_stand = find_obstacles(map, &stand.to_pose(), held);
         BACK_M.iter().find_map(|&back_m| {
@@ -237,6 +243,23 @@ fn raised_to(
     Some(postures)
 }
 
+/// The postures to ready with the lift up, and one with the hand above that at `tool_z_m`: what the lift cannot do the arm
+/// does, nearer to the base.
+fn raised_by_arm(model: &RobotModel, folded: &Configuration, tool_z_m: f64) -> Option<Vec<JointPositions>> {
+    const FORWARD_M: [f64; 5] = [0.0, -0.06, -0.12, -0.18, 0.08];
+    let mut postures = unfolding(model, 1.0)?;
+    let ready = configured(model, folded, postures.last()?);
+    let base_from_tool = model.kinematics.root_from_link(&ready, model.tool);
+    let up_m = (tool_z_m - base_from_tool.translation.z).max(0.0);
+    let raised = FORWARD_M.iter().find_map(|&forward_m| {
+        let goal = Translation3::new(forward_m, 0.0, up_m) * base_from_tool;
+        let joints = find_ik(model, &goal, &IkRequest { restarts: 2, ..IkRequest::new(&ready) })?;
+        find_joint_path(model, &joints, &PathRequest::new(&ready)).filter(|path| path.len() <= 2)
+    })?;
+    postures.extend(raised);
+    Some(postures)
+}
+
 /// The postures from the fold to ready, with the lift at a share of its range in the last one.
 fn unfolding(model: &RobotModel, lift_share: f64) -> Option<Vec<JointPositions>> {
     let path = model.settings.paths.get(super::grasp::UNFOLD)?;
@@ -295,4 +318,54 @@ fn collides(model: &RobotModel, configuration: &Configuration, obstacles: &[Obst
 fn shifted(obstacles: &[Obstacle], left_m: f64) -> Vec<Obstacle> {
     let shift = dsm::Pose::translation(left_m, 0.0, 0.0);
     obstacles.iter().map(|obstacle| obstacle.seen_from(&shift)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: the hand arrives at least as high as was asked; where the arm cannot sweep out to its side, between a bed
+    //! and a wall, a way over the bed is planned.
+    use super::super::target::tests::{map_of, object};
+    use super::*;
+    use dsm::map::CellState;
+    use dsm_robot::nav::CostmapConfig;
+    use std::path::Path;
+
+    /// Floor with a wall to the left of an aisle along x, and a bed to its right.
+    fn aisle() -> Map {
+        let top = (-60..60).flat_map(|x| (0..25).map(move |y| [0.03 * x as f32, -0.4 - 0.03 * y as f32, 0.55]));
+        let side = (-60..60).flat_map(|x| (0..18).map(move |z| [0.03 * x as f32, -0.4, 0.03 * z as f32]));
+        let points: Vec<[f32; 3]> = top.chain(side).collect();
+        let mut map = Map::clone(&map_of(vec![object(1, [0.0, -0.76, 0.275], [3.6, 0.72, 0.55], &points)]));
+        for (x, y) in (-60..60).flat_map(|x| (-30..30).map(move |y| (x, y))) {
+            let state = if y > 7 || y < -8 { CellState::Occupied } else { CellState::Free };
+            map.free_space.set([x, y], state);
+        }
+        map
+    }
+
+    #[test]
+    fn the_arm_unfolds_over_the_bed_and_as_high_as_asked() {
+        let model = RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter")).unwrap();
+        let folded = configured(&model, &model.kinematics.zero(), &model.find_posture("carry").unwrap());
+        let stands = [Pose2 { position: Point2::new(0.0, 0.0), yaw_rad: 0.0 }];
+        let ways = |map: &Map, tool_z_m: f64| {
+            let costmap = Costmap::from_free_space(&map.free_space, &CostmapConfig::default());
+            let field = Field::from_start(&costmap, &stands[0].position);
+            let swept = find_approaches(map, &model, &costmap, &field, &folded, &stands, None, tool_z_m, 1);
+            (swept, find_approach_around(map, &model, &costmap, &field, &folded, &stands, None, tool_z_m))
+        };
+        let (swept, around) = ways(&aisle(), 0.0);
+        assert_eq!(swept, Vec::new(), "the arm would sweep through the wall");
+        assert!(around.is_some_and(|way| way.postures.len() > 1));
+        let mut open = aisle();
+        open.objects.clear();
+        (-60..60).for_each(|x| (-30..30).for_each(|y| open.free_space.set([x, y], CellState::Free)));
+        for tool_z_m in [0.0, 0.6, 1.0, 1.22] {
+            let (swept, _) = ways(&open, tool_z_m);
+            let ready = configured(&model, &folded, swept[0].postures.last().unwrap());
+            let z_m = model.kinematics.root_from_link(&ready, model.tool).translation.z;
+            assert!(z_m > tool_z_m - 0.01, "{z_m} for {tool_z_m}");
+        }
+        assert_eq!(ways(&open, 2.0).0, Vec::new());
+    }
 }
