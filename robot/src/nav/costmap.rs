@@ -206,7 +206,9 @@ impl Costmap {
         if self.weights[to] > 0 {
             return Some(u32::from(self.weights[to]));
         }
-        if locked_in && self.states[to] == CellState::Free && self.clearance_m(to) >= self.footprint_radius_m {
+        // The margin alone: what lies over floor that was never seen stays forbidden.
+        let narrow = self.footprint_radius_m..self.lethal_m;
+        if locked_in && self.states[to] == CellState::Free && narrow.contains(&self.clearance_m(to)) {
             let distance = (self.grid.center_of(to) - self.grid.center_of(start)).norm();
             return (distance <= 2.0 * self.escape_radius_m).then_some(ESCAPE_WEIGHT);
         }
