@@ -5,6 +5,7 @@ use crate::episode::{SkillName, Step};
 use crate::skills::Outcome;
 use crate::skills::drive::{Drive, DriveOutcome};
 use crate::skills::explore::{ExploreOutcome, Explorer, Interest};
+use crate::skills::fallen::find_fallen;
 use crate::skills::grasp::{GraspSettings, grasp, retreat};
 use crate::skills::held::{Held, Standing, carry, carrying};
 use crate::skills::navigate::{navigate_to_object, navigate_to_room, way_to};
@@ -244,19 +245,36 @@ impl Executor {
     /// Finds the object and the place, grasps the one and puts it on the other; what was lost on the way is looked for
     /// and fetched once more.
     fn fetch_and_place(&mut self, agent: &mut Agent, command: &Command) -> Result<Done, Halt> {
-        let done = self.try_fetch_and_place(agent, command)?;
+        let done = self.try_fetch_and_place(agent, command, None)?;
+        let held = self.held.take_if(|_| agent.held().is_none());
         let lost = matches!(done.stage, Some(Stage::Hold)) && agent.held().is_none() && !command.target.is_empty();
         let left = Span(agent.deadline().0 - agent.now().0);
         if !lost || left < TIME_TO_FETCH_AGAIN {
             return Ok(done);
         }
         agent.note(format!("fetches it once more: {}", done.reason));
-        self.held = None;
-        retreat(agent)?;
-        self.try_fetch_and_place(agent, command)
+        // Where it fell, what was said of its place does not name it.
+        let fallen = match held {
+            Some(held) => find_fallen(agent, &held)?,
+            None => {
+                retreat(agent)?;
+                None
+            }
+        };
+        let Some((id, grounding)) = fallen.zip(done.grounding) else {
+            return self.try_fetch_and_place(agent, command, None);
+        };
+        agent.note(format!("it lies there: object {}", id.0));
+        self.try_fetch_and_place(agent, command, Some(Grounding { object_id: Some(id), ..grounding }))
     }
 
-    fn try_fetch_and_place(&mut self, agent: &mut Agent, command: &Command) -> Result<Done, Halt> {
+    /// `fallen` is what was lost on the way, when it is known where it lies.
+    fn try_fetch_and_place(
+        &mut self,
+        agent: &mut Agent,
+        command: &Command,
+        fallen: Option<Grounding>,
+    ) -> Result<Done, Halt> {
         if let Some(reason) = beyond_placing(command) {
             return Ok(failed(PLACE, Stage::Planning, reason, None));
         }
@@ -271,9 +289,12 @@ impl Executor {
         };
         let mut grounding = None;
         if !command.target.is_empty() {
-            let found = match self.find(agent, PLACE, &command.target, Thoroughness::Enough)? {
-                Ok(found) => found,
-                Err(refused) => return Ok(*refused),
+            let found = match fallen {
+                Some(found) => found,
+                None => match self.find(agent, PLACE, &command.target, Thoroughness::Enough)? {
+                    Ok(found) => found,
+                    Err(refused) => return Ok(*refused),
+                },
             };
             let Some(id) = found.object_id else {
                 return Ok(failed(PLACE, Stage::Grounding, "a room cannot be grasped".into(), Some(found)));
@@ -327,11 +348,7 @@ impl Executor {
         let Some(surface) = destination.object_id else {
             return Ok(Outcome::Failed(Stage::Grounding, "a room is not a surface; name one in it".into()));
         };
-        let outcome = place(agent, &self.nav, &self.grasping, held, surface)?;
-        if agent.held().is_none() {
-            self.held = None;
-        }
-        Ok(outcome)
+        place(agent, &self.nav, &self.grasping, held, surface)
     }
 }
 

@@ -1,5 +1,7 @@
 //! The judge: the one place that reads ground truth. It says whether expectations hold and measures the run.
 
+mod rest;
+
 use crate::episode::{Expectation, ExpectationKind};
 use crate::joint_bounds::JointBounds;
 use crate::summary::{
@@ -11,12 +13,11 @@ use dsm::eval::{TrueJoint, TrueObject, TrueWorld, Truth};
 use dsm::map::Map;
 use dsm_robot::nav::{Costmap, CostmapConfig};
 use nalgebra::{Isometry3, Point2};
+use rest::Rest;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A contact that began faster than this is a collision, metres per second.
 const COLLISION_SPEED_M_PER_S: f64 = 0.1;
-/// Movement of an object's support surface in this band counts as resting, metres per second of its centre.
-const REST_SPEED_M_PER_S: f64 = 0.02;
 /// A target counts as mapped when an object's middle lies this near to its own, metres.
 const MAPPED_WITHIN_M: f64 = 0.25;
 /// A contact that is not seen for this long is a new one when it comes back, seconds.
@@ -47,7 +48,7 @@ pub struct Judge {
     displacement: BTreeMap<String, f64>,
     lifted_since_s: Vec<Option<f64>>,
     lifted: Vec<bool>,
-    resting_since_s: Vec<Option<f64>>,
+    rests: Vec<Rest>,
     open: BTreeMap<(String, String), OpenContact>,
     closed: Vec<ContactSummary>,
 }
@@ -77,7 +78,7 @@ impl Judge {
             displacement: BTreeMap::new(),
             lifted_since_s: vec![None; n],
             lifted: vec![false; n],
-            resting_since_s: vec![None; n],
+            rests: vec![Rest::default(); n],
             open: BTreeMap::new(),
             closed: Vec::new(),
         }
@@ -131,18 +132,9 @@ impl Judge {
             } else {
                 self.lifted_since_s[i] = None;
             }
-            let resting = expectation.surface.as_ref().is_some_and(|surface| {
-                let speed = self.last.as_ref().and_then(|last| {
-                    let before = find(last, body)?;
-                    let moved =
-                        (now.world_from_body.translation.vector - before.world_from_body.translation.vector).norm();
-                    Some(moved / (truth.stamp - last.stamp).as_s().max(1e-6))
-                });
-                touches(truth, body, surface)
-                    && !touches_robot(truth, body)
-                    && speed.is_some_and(|s| s < REST_SPEED_M_PER_S)
-            });
-            self.resting_since_s[i] = resting.then(|| self.resting_since_s[i].unwrap_or(now_s));
+            if let Some(surface) = &expectation.surface {
+                self.rests[i].follow(truth, self.last.as_ref(), body, surface);
+            }
         }
     }
 
@@ -198,7 +190,7 @@ impl Judge {
                 summary(e, self.lifted[i], measured, required)
             }
             ExpectationKind::ObjectOn => {
-                let rested_s = self.resting_since_s[i].map_or(0.0, |since| last.stamp.as_s() - since);
+                let rested_s = self.rests[i].time_s(last.stamp.as_s());
                 let surface = e.surface.clone().unwrap_or_default();
                 summary(
                     e,

@@ -5,6 +5,7 @@ use dsm::map::{CellState, FreeSpace};
 use nalgebra::Point2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Whether the base may enter cells that were never observed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -75,6 +76,8 @@ pub(crate) const OPEN_WEIGHT: u16 = 10;
 const ESCAPE_WEIGHT: u32 = 600;
 /// Weight of occupied cells under the footprint while the base escapes.
 const ESCAPE_OCCUPIED_WEIGHT: u32 = 6000;
+/// Less floor than this for the middle of the base is a pocket, square metres: a nook in a bathroom, no room.
+const POCKET_M2: f64 = 1.0;
 
 impl Costmap {
     /// The costmap of a floor grid.
@@ -177,13 +180,37 @@ impl Costmap {
             .min_by(|a, b| (a - point).norm_squared().total_cmp(&(b - point).norm_squared()))
     }
 
+    /// Whether the floor that a base at `start` can drive on is a pocket. It came in by a way as wide as itself, which the
+    /// map has narrowed since by less than the margin: noise at two corners does that.
+    pub(crate) fn is_locked_in(&self, start: usize) -> bool {
+        if self.weights[start] == 0 {
+            return false;
+        }
+        let most = (POCKET_M2 / self.grid.resolution_m.powi(2)) as usize;
+        let (mut seen, mut next) = (BTreeSet::from([start]), vec![start]);
+        while let Some(cell) = next.pop() {
+            let around = self.grid.neighbours(cell).filter(|(near, _)| self.weights[*near] > 0);
+            next.extend(around.filter_map(|(near, _)| seen.insert(near).then_some(near)));
+            if seen.len() > most {
+                return false;
+            }
+        }
+        true
+    }
+
     /// The weight for entering `to` from `from` on a search that began in `start`. A base that stands in an inflated or
     /// unknown cell may drive through such cells close to where it stands, dearly, until it reaches floor that it may
     /// drive on; it never drives back into them. Cells under the footprint of the start cannot really be occupied, but
-    /// are entered last.
-    pub(crate) fn find_step_weight(&self, start: usize, from: usize, to: usize) -> Option<u32> {
+    /// are entered last. A base that is `locked_in` gives up the margin to get out.
+    pub(crate) fn find_step_weight(&self, start: usize, locked_in: bool, from: usize, to: usize) -> Option<u32> {
         if self.weights[to] > 0 {
             return Some(u32::from(self.weights[to]));
+        }
+        // The margin alone: what lies over floor that was never seen stays forbidden.
+        let narrow = self.footprint_radius_m..self.lethal_m;
+        if locked_in && self.states[to] == CellState::Free && narrow.contains(&self.clearance_m(to)) {
+            let distance = (self.grid.center_of(to) - self.grid.center_of(start)).norm();
+            return (distance <= 2.0 * self.escape_radius_m).then_some(ESCAPE_WEIGHT);
         }
         if self.weights[from] > 0 || self.weights[start] > 0 {
             return None;

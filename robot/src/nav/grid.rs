@@ -156,7 +156,7 @@ impl Iterator for Ray {
 }
 
 /// The angle brought into (-pi, pi].
-pub(crate) fn wrap_angle(angle_rad: f64) -> f64 {
+pub fn wrap_angle(angle_rad: f64) -> f64 {
     let turn = std::f64::consts::TAU;
     let wrapped = angle_rad.rem_euclid(turn);
     if wrapped > 0.5 * turn { wrapped - turn } else { wrapped }

@@ -32,6 +32,6 @@ pub use planner::{Field, Path, PlanFailure, Pose2, find_path};
 pub use sight::{Sight, Visibility};
 
 pub(crate) use config::check as check_range;
-pub(crate) use grid::wrap_angle;
+pub use grid::wrap_angle;
 #[cfg(test)]
 pub(crate) use sight::tests::room_grid;

@@ -257,6 +257,25 @@ mod tests {
     }
 
     #[test]
+    fn leaves_a_nook_that_noise_has_narrowed() {
+        // The nook begins at x = 7 m; its mouth is 0.6 m wide where 0.65 m are needed, then 0.5 m.
+        let nook = |wide: i32| {
+            let mut grid = room_grid();
+            for row in (0..80).filter(|row| !(40..40 + wide).contains(row)) {
+                grid.set([140, row], CellState::Occupied);
+            }
+            for row in (0..80).filter(|row| !(30..60).contains(row)) {
+                (140..160).for_each(|column| grid.set([column, row], CellState::Occupied));
+            }
+            Costmap::from_free_space(&grid, &CostmapConfig::default())
+        };
+        let (inside, outside) = (Point2::new(7.45, 2.25), Point2::new(5.0, 2.0));
+        assert!(find_path(&nook(12), &inside, &outside).is_ok(), "what came in gets out");
+        assert_eq!(find_path(&nook(12), &outside, &inside), Err(PlanFailure::NoWay), "the margin holds for others");
+        assert_eq!(find_path(&nook(10), &inside, &outside), Err(PlanFailure::NoWay), "narrower than the base");
+    }
+
+    #[test]
     fn escapes_from_where_it_stands() {
         let mut grid = room_grid();
         // The blind zone around the robot was never seen, and one wall is nearer than the margin.

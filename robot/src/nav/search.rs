@@ -92,6 +92,7 @@ pub(super) fn search(costmap: &Costmap, start: usize, goal: Option<usize>) -> (W
             (10 * dx.max(dy) + 4 * dx.min(dy)) * u32::from(OPEN_WEIGHT)
         }
     };
+    let locked_in = costmap.is_locked_in(start);
     let offsets: [i32; 8] = std::array::from_fn(|k| NEIGHBOURS[k].0 + NEIGHBOURS[k].1 * columns);
     let mut from = vec![UNREACHED; grid.len()];
     let mut cost_of = vec![0_u32; grid.len()];
@@ -129,7 +130,7 @@ pub(super) fn search(costmap: &Costmap, start: usize, goal: Option<usize>) -> (W
             if known & CLOSED != 0 {
                 continue;
             }
-            let Some(weight) = costmap.find_step_weight(start, cell, next) else { continue };
+            let Some(weight) = costmap.find_step_weight(start, locked_in, cell, next) else { continue };
             let through = cost + length * weight;
             if known == UNREACHED || through < cost_of[next] {
                 from[next] = k as u8 + 1;
@@ -159,6 +160,7 @@ mod tests {
     use std::collections::BinaryHeap;
 
     fn plain_cost(costmap: &Costmap, start: usize, goal: usize) -> Option<u32> {
+        let locked_in = costmap.is_locked_in(start);
         let mut costs = vec![u32::MAX; costmap.grid().len()];
         let mut queue = BinaryHeap::from([Reverse((0, start))]);
         costs[start] = 0;
@@ -167,7 +169,7 @@ mod tests {
                 return Some(cost);
             }
             for (next, length) in costmap.grid().neighbours(cell) {
-                let Some(weight) = costmap.find_step_weight(start, cell, next) else { continue };
+                let Some(weight) = costmap.find_step_weight(start, locked_in, cell, next) else { continue };
                 if cost + length * weight < costs[next] {
                     costs[next] = cost + length * weight;
                     queue.push(Reverse((costs[next], next)));
@@ -200,7 +202,7 @@ mod tests {
                 let (mut cell, mut walked) = (goal, 0);
                 while let Some(parent) = ways.find_parent(cell) {
                     let step = costmap.grid().neighbours(parent).find(|(next, _)| *next == cell);
-                    let weight = costmap.find_step_weight(start, parent, cell);
+                    let weight = costmap.find_step_weight(start, costmap.is_locked_in(start), parent, cell);
                     walked += step.expect("neighbours").1 * weight.expect("open");
                     cell = parent;
                 }

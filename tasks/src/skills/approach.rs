@@ -83,8 +83,8 @@ pub(super) fn come_to(
     Ok(Ok(()))
 }
 
-/// Finds how to come to the first `wanted` of the `stands` that have room for it with the arm ready. What is `held` is no
-/// obstacle; a target that is yet to be grasped is one.
+/// Finds how to come to the first `wanted` of the `stands` that have room for it with the arm ready, and with the tool at
+/// least at `tool_z_m` above the floor. What is `held` is no obstacle; a target that is yet to be grasped is one.
 #[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
 pub fn find_approaches(
     map: &Map,
@@ -94,11 +94,84 @@ pub fn find_approaches(
     folded: &Configuration,
     stands: &[Pose2],
     held: Option<ObjectId>,
+    tool_z_m: f64,
     wanted: usize,
 ) -> Vec<Approach> {
     let unfoldings = find_unfoldings(model, folded);
+    let mut unfoldings: Vec<_> =
+        unfoldings.into_iter().filter_map(|postures| raised_to(model, folded, postures, tool_z_m)).collect();
+    if unfoldings.is_empty() {
+        unfoldings.extend(raised_by_arm(model, folded, tool_z_m));
+    }
     let way = |stand: &Pose2| find_approach(map, model, costmap, field, folded, &unfoldings, stand, held);
     stands.iter().filter_map(way).take(wanted).collect()
+}
+
+/// As [`find_approaches`], for the first of a few stands, with a way of the arm that is planned around what stands there:
+/// between a bed and a wall the arm does not sweep out to its side.
+#[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
+pub fn find_approach_around(
+    map: &Map,
+    model: &RobotModel,
+    costmap: &Costmap,
+    field: &Field,
+    folded: &Configuration,
+    stands: &[Pose2],
+    held: Option<ObjectId>,
+    tool_z_m: f64,
+) -> Option<Approach> {
+    /// Each failure costs the whole search.
+    const MAX_STANDS: usize = 3;
+    const BACK_M: [f64; 3] = [0.0, 0.25, 0.4];
+    const MAX_NODES: usize = 600;
+    let mut ends: Vec<Vec<JointPositions>> = LIFT_SHARES
+        .iter()
+        .rev()
+        .filter_map(|&share| raised_to(model, folded, unfolding(model, share)?, tool_z_m))
+        .collect();
+    if ends.is_empty() {
+        ends.extend(raised_by_arm(model, folded, tool_z_m));
+    }
+    stands.iter().take(MAX_STANDS).find_map(|stand| {
+        let near_stand = find_obstacles(map, &stand.to_pose(), held);
+        BACK_M.iter().find_map(|&back_m| {
+            let unfold_at = step_back(costmap, field, stand, back_m)?;
+            let near_unfold = find_obstacles(map, &unfold_at.to_pose(), held);
+            ends.iter().find_map(|postures| {
+                let ready = configured(model, folded, postures.last()?);
+                if !is_step_free(model, &ready, &near_stand, back_m) {
+                    return None;
+                }
+                let goal = JointPositions::from_values(&model.arm.joints, model.arm.values_of(&ready))?;
+                let request = PathRequest {
+                    obstacles: &near_unfold,
+                    margin_m: MARGIN_M,
+                    max_nodes: MAX_NODES,
+                    ..PathRequest::new(folded)
+                };
+                let postures = find_joint_path(model, &goal, &request)?;
+                Some(Approach { unfold_at, stand: *stand, postures })
+            })
+        })
+    })
+}
+
+/// Where the base stands before its last step straight to the stand; `None` where it cannot.
+fn step_back(costmap: &Costmap, field: &Field, stand: &Pose2, back_m: f64) -> Option<Pose2> {
+    let ahead = Vector2::new(stand.yaw_rad.cos(), stand.yaw_rad.sin());
+    let position: Point2<f64> = stand.position - ahead * back_m;
+    let is_way = costmap.is_traversable_at(&position)
+        && costmap.find_segment_cost(&position, &stand.position).is_some()
+        && field.find_length_to_m(&position).is_some();
+    is_way.then_some(Pose2 { position, yaw_rad: stand.yaw_rad })
+}
+
+/// Whether the last step is free with the arm ready: the obstacles seen from the stand are moved by what is left of the way.
+fn is_step_free(model: &RobotModel, ready: &Configuration, near_stand: &[Obstacle], back_m: f64) -> bool {
+    (0..=SAMPLES).all(|i| {
+        let left_m = back_m * (1.0 - i as f64 / SAMPLES as f64);
+        !collides(model, ready, &shifted(near_stand, left_m))
+    })
 }
 
 #[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
@@ -112,29 +185,16 @@ fn find_approach(
     stand: &Pose2,
     held: Option<ObjectId>,
 ) -> Option<Approach> {
-    let ahead = Vector2::new(stand.yaw_rad.cos(), stand.yaw_rad.sin());
     let near_stand = find_obstacles(map, &stand.to_pose(), held);
     for back_m in BACK_M {
-        let position: Point2<f64> = stand.position - ahead * back_m;
-        if !costmap.is_traversable_at(&position)
-            || costmap.find_segment_cost(&position, &stand.position).is_none()
-            || field.find_length_to_m(&position).is_none()
-        {
-            continue;
-        }
-        let unfold_at = Pose2 { position, yaw_rad: stand.yaw_rad };
+        let Some(unfold_at) = step_back(costmap, field, stand, back_m) else { continue };
         let near_unfold = find_obstacles(map, &unfold_at.to_pose(), held);
         for postures in unfoldings {
             if !is_free_along(model, folded, postures, &near_unfold) {
                 continue;
             }
-            // The last step, with the obstacles seen from the stand moved by what is left of the way.
             let ready = configured(model, folded, postures.last()?);
-            let clear = (0..=SAMPLES).all(|i| {
-                let left_m = back_m * (1.0 - i as f64 / SAMPLES as f64);
-                !collides(model, &ready, &shifted(&near_stand, left_m))
-            });
-            if clear {
+            if is_step_free(model, &ready, &near_stand, back_m) {
                 return Some(Approach { unfold_at, stand: *stand, postures: postures.clone() });
             }
         }
@@ -159,6 +219,45 @@ fn find_unfoldings(model: &RobotModel, folded: &Configuration) -> Vec<Vec<JointP
         }
     }
     all
+}
+
+/// The postures with the lift high enough in the last one that the tool is at `tool_z_m`; `None` beyond the lift's travel.
+fn raised_to(
+    model: &RobotModel,
+    folded: &Configuration,
+    mut postures: Vec<JointPositions>,
+    tool_z_m: f64,
+) -> Option<Vec<JointPositions>> {
+    let last = postures.last_mut()?;
+    let ready = configured(model, folded, last);
+    let missing_m = tool_z_m - model.kinematics.root_from_link(&ready, model.tool).translation.z;
+    if missing_m > 0.0 {
+        let (lift, limits) = (model.arm.joints.first()?, model.arm.limits.first()?);
+        let index = last.names().iter().position(|name| name == lift)?;
+        let raised = last.values()[index] + missing_m;
+        if raised > limits.upper {
+            return None;
+        }
+        last.values_mut()[index] = raised;
+    }
+    Some(postures)
+}
+
+/// The postures to ready with the lift up, and one with the hand above that at `tool_z_m`: what the lift cannot do the arm
+/// does, nearer to the base.
+fn raised_by_arm(model: &RobotModel, folded: &Configuration, tool_z_m: f64) -> Option<Vec<JointPositions>> {
+    const FORWARD_M: [f64; 5] = [0.0, -0.06, -0.12, -0.18, 0.08];
+    let mut postures = unfolding(model, 1.0)?;
+    let ready = configured(model, folded, postures.last()?);
+    let base_from_tool = model.kinematics.root_from_link(&ready, model.tool);
+    let up_m = (tool_z_m - base_from_tool.translation.z).max(0.0);
+    let raised = FORWARD_M.iter().find_map(|&forward_m| {
+        let goal = Translation3::new(forward_m, 0.0, up_m) * base_from_tool;
+        let joints = find_ik(model, &goal, &IkRequest { restarts: 2, ..IkRequest::new(&ready) })?;
+        find_joint_path(model, &joints, &PathRequest::new(&ready)).filter(|path| path.len() <= 2)
+    })?;
+    postures.extend(raised);
+    Some(postures)
 }
 
 /// The postures from the fold to ready, with the lift at a share of its range in the last one.
@@ -219,4 +318,54 @@ fn collides(model: &RobotModel, configuration: &Configuration, obstacles: &[Obst
 fn shifted(obstacles: &[Obstacle], left_m: f64) -> Vec<Obstacle> {
     let shift = dsm::Pose::translation(left_m, 0.0, 0.0);
     obstacles.iter().map(|obstacle| obstacle.seen_from(&shift)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: the hand arrives at least as high as was asked; where the arm cannot sweep out to its side, between a bed
+    //! and a wall, a way over the bed is planned.
+    use super::super::target::tests::{map_of, object};
+    use super::*;
+    use dsm::map::CellState;
+    use dsm_robot::nav::CostmapConfig;
+    use std::path::Path;
+
+    /// Floor with a wall to the left of an aisle along x, and a bed to its right.
+    fn aisle() -> Map {
+        let top = (-60..60).flat_map(|x| (0..25).map(move |y| [0.03 * x as f32, -0.4 - 0.03 * y as f32, 0.55]));
+        let side = (-60..60).flat_map(|x| (0..18).map(move |z| [0.03 * x as f32, -0.4, 0.03 * z as f32]));
+        let points: Vec<[f32; 3]> = top.chain(side).collect();
+        let mut map = Map::clone(&map_of(vec![object(1, [0.0, -0.76, 0.275], [3.6, 0.72, 0.55], &points)]));
+        for (x, y) in (-60..60).flat_map(|x| (-30..30).map(move |y| (x, y))) {
+            let state = if y > 7 || y < -8 { CellState::Occupied } else { CellState::Free };
+            map.free_space.set([x, y], state);
+        }
+        map
+    }
+
+    #[test]
+    fn the_arm_unfolds_over_the_bed_and_as_high_as_asked() {
+        let model = RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter")).unwrap();
+        let folded = configured(&model, &model.kinematics.zero(), &model.find_posture("carry").unwrap());
+        let stands = [Pose2 { position: Point2::new(0.0, 0.0), yaw_rad: 0.0 }];
+        let ways = |map: &Map, tool_z_m: f64| {
+            let costmap = Costmap::from_free_space(&map.free_space, &CostmapConfig::default());
+            let field = Field::from_start(&costmap, &stands[0].position);
+            let swept = find_approaches(map, &model, &costmap, &field, &folded, &stands, None, tool_z_m, 1);
+            (swept, find_approach_around(map, &model, &costmap, &field, &folded, &stands, None, tool_z_m))
+        };
+        let (swept, around) = ways(&aisle(), 0.0);
+        assert_eq!(swept, Vec::new(), "the arm would sweep through the wall");
+        assert!(around.is_some_and(|way| way.postures.len() > 1));
+        let mut open = aisle();
+        open.objects.clear();
+        (-60..60).for_each(|x| (-30..30).for_each(|y| open.free_space.set([x, y], CellState::Free)));
+        for tool_z_m in [0.0, 0.6, 1.0, 1.22] {
+            let (swept, _) = ways(&open, tool_z_m);
+            let ready = configured(&model, &folded, swept[0].postures.last().unwrap());
+            let z_m = model.kinematics.root_from_link(&ready, model.tool).translation.z;
+            assert!(z_m > tool_z_m - 0.01, "{z_m} for {tool_z_m}");
+        }
+        assert_eq!(ways(&open, 2.0).0, Vec::new());
+    }
 }

@@ -23,18 +23,26 @@ const BACK_M: f64 = 0.5;
 const BACK_SPEED_M_PER_S: f64 = 0.15;
 /// Greatest joint error with which the arm counts as folded, radians.
 const FOLDED_RAD: f64 = 0.2;
+/// A load with sides in this ratio has room where a round one of its length has none.
+const LONG: f64 = 1.3;
 
 /// What the hand holds and how.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Held {
     /// The object, as the map knew it before the grasp.
     pub id: ObjectId,
+    /// What it is called.
+    pub name: String,
+    /// Its middle before it was taken, world frame.
+    pub stood_at: Point3<f64>,
     /// Its outline and height.
     pub load: Load,
     /// Height of the tool above the object's lowest point, metres.
     pub tool_above_bottom_m: f64,
     /// How the hand held it when it was grasped, base frame.
     pub base_from_tool: UnitQuaternion<f64>,
+    /// How its first side lay then, base frame, radians.
+    pub base_from_side_rad: f64,
     /// Width between the fingers, metres.
     pub width_m: f64,
 }
@@ -43,6 +51,7 @@ pub struct Held {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Standing {
     id: ObjectId,
+    name: String,
     bounds: OrientedBox,
     support_z_m: f64,
 }
@@ -50,9 +59,10 @@ pub struct Standing {
 impl Standing {
     /// The object in the map; `None` when the map does not hold it.
     pub fn of(map: &Map, id: ObjectId) -> Option<Self> {
-        let bounds = map.find_object(id)?.bounds;
+        let object = map.find_object(id)?;
+        let (name, bounds) = (object.name().to_owned(), object.bounds);
         let support_z_m = GraspScene::from_map(map, id, ApproachFrom::Anywhere)?.support_z_m;
-        Some(Self { id, bounds, support_z_m })
+        Some(Self { id, name, bounds, support_z_m })
     }
 
     /// What the hand holds after the grasp skill has lifted the object; from here on the object belongs to the robot
@@ -80,8 +90,21 @@ impl Standing {
             size,
             rotation: base_from_tool.rotation.inverse() * base_from_box,
         }));
-        let load = Load { radius_m: radius_m + off_m, height_m };
-        Ok(Held { id: self.id, load, tool_above_bottom_m, base_from_tool: base_from_tool.rotation, width_m })
+        let half_m = [size.x, size.y].map(|side_m| 0.5 * side_m + off_m);
+        let is_long = half_m[0].max(half_m[1]) > LONG * half_m[0].min(half_m[1]);
+        let load = Load { radius_m: radius_m + off_m, height_m, half_m: is_long.then_some(half_m) };
+        let base_from_side_rad = base_from_box.euler_angles().2;
+        let base_from_tool = base_from_tool.rotation;
+        Ok(Held {
+            id: self.id,
+            name: self.name.clone(),
+            stood_at: self.bounds.center,
+            load,
+            tool_above_bottom_m,
+            base_from_tool,
+            base_from_side_rad,
+            width_m,
+        })
     }
 }
 

@@ -6,6 +6,7 @@ pub mod arm;
 mod carry;
 pub mod drive;
 pub mod explore;
+pub mod fallen;
 pub mod grasp;
 pub mod held;
 mod hold;

@@ -1,7 +1,7 @@
 //! Placing: drive to a free spot on a surface, lower what is held, open, retreat, and look.
 
 use super::Outcome;
-use super::approach::{Approach, come_to, find_approaches};
+use super::approach::{Approach, come_to, find_approach_around, find_approaches};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
 use super::grasp::{GraspSettings, finger_links, retreat, seeds};
 use super::held::{Held, carry, carrying, obstacles_but_held};
@@ -17,7 +17,7 @@ use dsm_robot::control::{IkRequest, find_ik};
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::collision::Obstacle;
 use dsm_robot::model::{Configuration, RobotModel};
-use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
+use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2, wrap_angle};
 use nalgebra::{Point2, Point3, Translation3, UnitQuaternion, Vector3};
 
 /// Attempts before the skill gives up.
@@ -26,6 +26,8 @@ const MAX_ATTEMPTS: usize = 3;
 const LET_GO_ABOVE_M: f64 = 0.006;
 /// The load comes from this far above its place, metres.
 const ABOVE_M: f64 = 0.11;
+/// The load comes to its spot this far above it, metres.
+const OVER_M: f64 = 0.08;
 /// Distances from a spot at which the base may stand, metres.
 const STAND_M: [f64; 7] = [0.62, 0.56, 0.68, 0.5, 0.74, 0.8, 0.86];
 /// Spots that are tested.
@@ -187,6 +189,16 @@ fn base_from_tool_on(world_from_base: &Pose, spot: &Spot, held: &Held, turn_rad:
     Pose::from_parts(Translation3::new(at.x, at.y, at.z + height_m), turn * held.base_from_tool)
 }
 
+/// Turns of the hand about the vertical that put the load on a spot as it must lie there, for a base with this yaw.
+fn turns_on(spot: &Spot, held: &Held, base_yaw_rad: f64) -> Vec<f64> {
+    let Some(yaw_rad) = spot.yaw_rad else { return TURNS_RAD.to_vec() };
+    // Turned around, a box lies as before.
+    let turn_rad = wrap_angle(yaw_rad - base_yaw_rad - held.base_from_side_rad);
+    let around_rad = wrap_angle(turn_rad + std::f64::consts::PI);
+    let (near, far) = if turn_rad.abs() <= around_rad.abs() { (turn_rad, around_rad) } else { (around_rad, turn_rad) };
+    vec![near, far]
+}
+
 /// Joints that put the load on a spot from above; `None` out of reach.
 fn find_reach(
     model: &RobotModel,
@@ -223,6 +235,8 @@ fn choose_stands(
     spare: f64,
 ) -> Result<Vec<(Spot, Approach)>, Halt> {
     const MAX_STANDS: usize = 6;
+    /// Spots for which ways around things are planned: a search each.
+    const MAX_AROUND: usize = 4;
     let (map, model) = (agent.map().clone(), agent.model().clone());
     let start = Pose2::from_pose(&agent.world_from_base()?).position;
     let configuration = agent.configuration()?;
@@ -233,33 +247,43 @@ fn choose_stands(
         let spots = apart(find_spots(&map, surface, Some(held.id), &held.load, spare), 0.1, MAX_SPOTS);
         let (spot_count, mut stand_count, mut reach_count, mut way_count) = (spots.len(), 0, 0, 0);
         let mut found = Vec::new();
+        let mut reached = Vec::new();
+        // The load passes over the spot and what is as high as itself.
+        let over = |spot: &Spot| spot.point.z + held.tool_above_bottom_m + OVER_M;
         for spot in spots {
             let reaches = |stand: &Pose2| {
                 let world_from_base = stand.to_pose();
-                TURNS_RAD.iter().any(|turn| {
-                    let goal = base_from_tool_on(&world_from_base, &spot, &held, *turn);
+                turns_on(&spot, &held, stand.yaw_rad).into_iter().any(|turn| {
+                    let goal = base_from_tool_on(&world_from_base, &spot, &held, turn);
                     find_reach(&model, &configuration, &[], &goal).is_some()
                 })
             };
             let stands = stands_around(&costmap, &field, &spot.point.xy());
             stand_count += stands.len();
             let stands: Vec<Pose2> = stands.into_iter().take(MAX_STANDS).filter(reaches).collect();
-            let all = stands.len();
-            reach_count += all;
+            reach_count += stands.len();
+            let (id, over_m) = (Some(held.id), over(&spot));
             let approaches =
-                find_approaches(&map, &model, &costmap, &field, &configuration, &stands, Some(held.id), all);
+                find_approaches(&map, &model, &costmap, &field, &configuration, &stands, id, over_m, 1);
+            reached.push((spot, stands));
             way_count += approaches.len();
-            let raised = approaches.into_iter().filter_map(|approach| {
-                let bottom_m = spot.point.z + held.tool_above_bottom_m;
-                Some((spot, raised_over(&model, &configuration, approach, bottom_m + 0.08)?))
-            });
-            found.extend(raised.take(1));
+            found.extend(approaches.into_iter().map(|approach| (spot, approach)));
             if found.len() >= MAX_ATTEMPTS {
                 break;
             }
         }
+        if found.is_empty() {
+            let around = |(spot, stands): (Spot, Vec<Pose2>)| {
+                let (id, over_m) = (Some(held.id), over(&spot));
+                let way =
+                    find_approach_around(&map, &model, &costmap, &field, &configuration, &stands, id, over_m)?;
+                Some((spot, way))
+            };
+            found.extend(reached.into_iter().filter(|(_, stands)| !stands.is_empty()).take(MAX_AROUND).find_map(around));
+        }
         tracing::debug!(
-            "{spot_count} spots, {stand_count} places around them, {reach_count} of the tested reach, {way_count} ways"
+            "{spot_count} spots, {stand_count} places around them, {reach_count} of the tested reach, {way_count} ways, {} kept",
+            found.len()
         );
         found
     })
@@ -283,29 +307,6 @@ pub(super) fn stands_around(costmap: &Costmap, field: &Field, spot: &Point2<f64>
     stands.into_iter().map(|(_, stand)| stand).collect()
 }
 
-/// The approach with the lift high enough that the tool passes over `tool_z_m`; `None` beyond the lift's travel.
-fn raised_over(
-    model: &RobotModel,
-    configuration: &Configuration,
-    mut approach: Approach,
-    tool_z_m: f64,
-) -> Option<Approach> {
-    let last = approach.postures.last_mut()?;
-    let mut ready = configuration.clone();
-    ready.apply(last);
-    let missing_m = tool_z_m - model.kinematics.root_from_link(&ready, model.tool).translation.z;
-    if missing_m > 0.0 {
-        let (lift, limits) = (model.arm.joints.first()?, model.arm.limits.first()?);
-        let index = last.names().iter().position(|name| name == lift)?;
-        let raised = last.values()[index] + missing_m;
-        if raised > limits.upper {
-            return None;
-        }
-        last.values_mut()[index] = raised;
-    }
-    Some(approach)
-}
-
 /// The spot for where the base stands: near the one that was planned, with joints that reach it.
 fn choose_spot(
     agent: &mut Agent,
@@ -324,12 +325,13 @@ fn choose_spot(
     agent.plan(move || {
         let mut spots = find_spots(&map, surface, Some(held.id), &held.load, spare);
         spots.retain(|spot| (spot.point - planned).norm() < NEAR_M);
+        let yaw_rad = Pose2::from_pose(&world_from_base).yaw_rad;
         // Room counts, and so does being where the base was sent for.
         let worth = |spot: &Spot| spot.clearance_m - 0.5 * (spot.point - planned).norm();
         spots.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
         apart(spots, 0.05, MAX_SPOTS).into_iter().find_map(|spot| {
-            TURNS_RAD.iter().find_map(|turn| {
-                let goal = base_from_tool_on(&world_from_base, &spot, &held, *turn);
+            turns_on(&spot, &held, yaw_rad).into_iter().find_map(|turn| {
+                let goal = base_from_tool_on(&world_from_base, &spot, &held, turn);
                 Some((spot, goal, find_reach(&model, &configuration, &obstacles, &goal)?))
             })
         })

@@ -2,7 +2,7 @@
 //! below and room around.
 
 use dsm::map::{Map, ObjectId};
-use nalgebra::{Point2, Point3};
+use nalgebra::Point3;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Side of the cells in which support is counted, metres.
@@ -34,6 +34,8 @@ pub struct Load {
     pub radius_m: f64,
     /// Its height, metres.
     pub height_m: f64,
+    /// Half of its sides, metres, when one is clearly longer than the other; the first is turned by a spot's yaw.
+    pub half_m: Option<[f64; 2]>,
 }
 
 /// A free spot. World frame, metres.
@@ -43,7 +45,12 @@ pub struct Spot {
     pub point: Point3<f64>,
     /// Distance to the nearest edge or thing beyond what the load needs, at most a hand's width.
     pub clearance_m: f64,
+    /// How the load's first side must lie, world frame, radians; `None` when it may lie in any way.
+    pub yaw_rad: Option<f64>,
 }
+
+/// Directions in which a long load is tried.
+const YAWS: usize = 8;
 
 type Cell = [i32; 2];
 
@@ -57,10 +64,50 @@ pub fn find_spots(map: &Map, surface: ObjectId, held: Option<ObjectId>, load: &L
     let mut things: Vec<Point3<f64>> = others.flat_map(|o| o.points.iter().map(|p| p.position.cast())).collect();
     things
         .retain(|p: &Point3<f64>| p.x > around.min.x && p.x < around.max.x && p.y > around.min.y && p.y < around.max.y);
-    let mut spots: Vec<Spot> =
-        find_levels(&points).into_iter().flat_map(|z_m| find_on_level(&points, &things, z_m, load, spare)).collect();
+    let levels: Vec<Level> =
+        find_levels(&points).into_iter().map(|z_m| Level::of(&points, &things, z_m, load)).collect();
+    let find = |outline: &Outline| levels.iter().flat_map(|level| level.find_spots(outline, spare)).collect();
+    let mut spots: Vec<Spot> = find(&Outline::Round(load.radius_m));
+    if let (true, Some(half_m)) = (spots.is_empty(), load.half_m) {
+        // A book has room between things where one as broad as it is long has none.
+        let along_rad = object.bounds.rotation.euler_angles().2;
+        let turned = |k: usize| {
+            let yaw_rad = along_rad + k as f64 * std::f64::consts::PI / YAWS as f64;
+            find(&Outline::Box { half_m, yaw_rad })
+        };
+        spots = (0..YAWS).flat_map(turned).collect();
+    }
     spots.sort_by(|a, b| b.clearance_m.total_cmp(&a.clearance_m));
     spots
+}
+
+/// The outline of a load.
+enum Outline {
+    /// Its radius, metres.
+    Round(f64),
+    /// Half of its sides, and how the first lies.
+    Box { half_m: [f64; 2], yaw_rad: f64 },
+}
+
+impl Outline {
+    /// Distance of a point beyond the outline around the origin, metres; negative inside a round one, 0 inside a box.
+    fn distance_m(&self, x: f64, y: f64) -> f64 {
+        match self {
+            Self::Round(radius_m) => x.hypot(y) - radius_m,
+            Self::Box { half_m, yaw_rad } => {
+                let (sin, cos) = yaw_rad.sin_cos();
+                let (along, across) = ((x * cos + y * sin).abs(), (y * cos - x * sin).abs());
+                (along - half_m[0]).max(0.0).hypot((across - half_m[1]).max(0.0))
+            }
+        }
+    }
+
+    fn radius_m(&self) -> f64 {
+        match self {
+            Self::Round(radius_m) => *radius_m,
+            Self::Box { half_m, .. } => half_m[0].hypot(half_m[1]),
+        }
+    }
 }
 
 fn cell_of(point: &Point3<f64>) -> Cell {
@@ -94,38 +141,57 @@ fn find_levels(points: &[Point3<f64>]) -> Vec<f64> {
         .collect()
 }
 
-/// Spots on one level of a surface with these `points`; `things` are the points of all else.
-fn find_on_level(points: &[Point3<f64>], things: &[Point3<f64>], z_m: f64, load: &Load, spare: f64) -> Vec<Spot> {
-    let level: Vec<Point3<f64>> = points.iter().filter(|p| (p.z - z_m).abs() <= BAND_M).copied().collect();
-    let radius = ((spacing_m(&level) / CELL_M).ceil() as i32).max(LEAST_CLOSED);
-    let supported = closed(level.iter().map(cell_of).collect(), radius);
-    let top_m = z_m + load.height_m + HAND_M;
-    // A surface's own points are noisy in height; what lies flat on it is a thing of its own.
-    let own = points.iter().filter(|p| p.z > z_m + BAND_M + 0.01 && p.z < top_m);
-    let others = things.iter().filter(|p| p.z > z_m + FLAT_M && p.z < top_m);
-    let blocked: BTreeSet<Cell> = own.chain(others).map(cell_of).collect();
-    let reach_m = load.radius_m + ENOUGH_M;
-    let cells = (reach_m / CELL_M).ceil() as i32;
-    let offsets: Vec<(Cell, f64)> = (-cells..=cells)
-        .flat_map(|y| (-cells..=cells).map(move |x| [x, y]))
-        .map(|[x, y]| ([x, y], CELL_M * f64::from(x).hypot(f64::from(y))))
-        .filter(|(_, distance_m)| *distance_m <= reach_m)
-        .collect();
-    let spot_at = |cell: &Cell| -> Option<Spot> {
-        let mut clearance_m = ENOUGH_M;
-        for ([x, y], distance_m) in &offsets {
-            let other = [cell[0] + x, cell[1] + y];
-            let edge = if supported.contains(&other) { f64::MAX } else { distance_m - load.radius_m - spare * EDGE_M };
-            let thing = if blocked.contains(&other) { distance_m - load.radius_m - spare * ROOM_M } else { f64::MAX };
-            clearance_m = clearance_m.min(edge).min(thing);
-            if clearance_m < 0.0 {
-                return None;
+/// A level of a surface.
+struct Level {
+    z_m: f64,
+    supported: BTreeSet<Cell>,
+    blocked: BTreeSet<Cell>,
+}
+
+impl Level {
+    /// The level at a height of a surface with these `points`, for a load; `things` are the points of all else.
+    fn of(points: &[Point3<f64>], things: &[Point3<f64>], z_m: f64, load: &Load) -> Self {
+        let level: Vec<Point3<f64>> = points.iter().filter(|p| (p.z - z_m).abs() <= BAND_M).copied().collect();
+        let radius = ((spacing_m(&level) / CELL_M).ceil() as i32).max(LEAST_CLOSED);
+        let supported = closed(level.iter().map(cell_of).collect(), radius);
+        let top_m = z_m + load.height_m + HAND_M;
+        // A surface's own points are noisy in height; what lies flat on it is a thing of its own.
+        let own = points.iter().filter(|p| p.z > z_m + BAND_M + 0.01 && p.z < top_m);
+        let others = things.iter().filter(|p| p.z > z_m + FLAT_M && p.z < top_m);
+        let blocked = own.chain(others).map(cell_of).collect();
+        Self { z_m, supported, blocked }
+    }
+
+    fn find_spots(&self, outline: &Outline, spare: f64) -> Vec<Spot> {
+        let cells = ((outline.radius_m() + ENOUGH_M) / CELL_M).ceil() as i32;
+        let offsets: Vec<(Cell, f64)> = (-cells..=cells)
+            .flat_map(|y| (-cells..=cells).map(move |x| [x, y]))
+            .map(|[x, y]| ([x, y], outline.distance_m(CELL_M * f64::from(x), CELL_M * f64::from(y))))
+            .filter(|(_, distance_m)| *distance_m <= ENOUGH_M)
+            .collect();
+        let spot_at = |cell: &Cell| -> Option<Spot> {
+            let mut clearance_m = ENOUGH_M;
+            for ([x, y], distance_m) in &offsets {
+                let other = [cell[0] + x, cell[1] + y];
+                if !self.supported.contains(&other) {
+                    clearance_m = clearance_m.min(distance_m - spare * EDGE_M);
+                }
+                if self.blocked.contains(&other) {
+                    clearance_m = clearance_m.min(distance_m - spare * ROOM_M);
+                }
+                if clearance_m < 0.0 {
+                    return None;
+                }
             }
-        }
-        let center = Point2::new((f64::from(cell[0]) + 0.5) * CELL_M, (f64::from(cell[1]) + 0.5) * CELL_M);
-        Some(Spot { point: Point3::new(center.x, center.y, z_m), clearance_m })
-    };
-    supported.iter().filter_map(spot_at).collect()
+            let [x, y] = cell.map(|at| (f64::from(at) + 0.5) * CELL_M);
+            let yaw_rad = match outline {
+                Outline::Round(_) => None,
+                Outline::Box { yaw_rad, .. } => Some(*yaw_rad),
+            };
+            Some(Spot { point: Point3::new(x, y, self.z_m), clearance_m, yaw_rad })
+        };
+        self.supported.iter().filter_map(spot_at).collect()
+    }
 }
 
 /// Median distance over the floor from a point to its nearest neighbour, at least a cell, metres: clouds of large things
@@ -156,6 +222,11 @@ fn closed(cells: BTreeSet<Cell>, radius: i32) -> BTreeSet<Cell> {
 mod tests {
     //! Contract: a spot lies on the board, away from its edges and from what stands on it; a full board has none.
     use super::*;
+    use nalgebra::Point2;
+
+    fn find_on_level(points: &[Point3<f64>], things: &[Point3<f64>], z_m: f64, load: &Load, spare: f64) -> Vec<Spot> {
+        Level::of(points, things, z_m, load).find_spots(&Outline::Round(load.radius_m), spare)
+    }
 
     fn board(z_m: f64) -> Vec<Point3<f64>> {
         let step = |i: i32| f64::from(i) * 0.02;
@@ -165,7 +236,7 @@ mod tests {
     #[test]
     fn spots_keep_away_from_edges_and_things() {
         let points = board(0.7);
-        let load = Load { radius_m: 0.04, height_m: 0.1 };
+        let load = Load { radius_m: 0.04, height_m: 0.1, half_m: None };
         let thing: Vec<Point3<f64>> = (0..10).map(|i| Point3::new(0.2, 0.2, 0.73 + 0.01 * f64::from(i))).collect();
         assert_eq!(find_levels(&points).len(), 1);
         let spots = find_on_level(&points, &thing, 0.7, &load, 1.0);
@@ -183,7 +254,7 @@ mod tests {
     fn a_thin_cloud_supports_and_a_flat_thing_blocks() {
         let step = |i: i32| f64::from(i) * 0.045;
         let points: Vec<_> = (0..=20).flat_map(|x| (0..=12).map(move |y| Point3::new(step(x), step(y), 0.7))).collect();
-        let load = Load { radius_m: 0.045, height_m: 0.1 };
+        let load = Load { radius_m: 0.045, height_m: 0.1, half_m: None };
         let spots = find_on_level(&points, &[], 0.7, &load, 1.0);
         assert!(spots.len() > 100, "{}", spots.len());
         assert!(spots.iter().all(|s| s.point.x > 0.05 && s.point.x < 0.85), "the edges hold");
@@ -200,8 +271,21 @@ mod tests {
         let place = |i: i32| 0.012 + 0.028 * f64::from(i);
         let pair = |x: i32, y: i32| [0.0, 0.006].map(|off_m| Point3::new(place(x) + off_m, place(y) + off_m, 0.79));
         let points: Vec<_> = (0..16).flat_map(|x| (0..38).flat_map(move |y| pair(x, y))).collect();
-        let load = Load { radius_m: 0.1, height_m: 0.29 };
+        let load = Load { radius_m: 0.1, height_m: 0.29, half_m: None };
         assert!(!find_on_level(&points, &[], 0.79, &load, 1.0).is_empty());
+    }
+
+    #[test]
+    fn a_book_has_room_where_a_round_thing_has_none() {
+        // Between a row of things at y = 0.2 m and the edge at y = 0.4 m: 0.2 m for a book of 0.06 m by 0.19 m.
+        let row: Vec<_> = (0..=80).map(|x| Point3::new(0.01 * f64::from(x), 0.2, 0.78)).collect();
+        let load = Load { radius_m: 0.1, height_m: 0.17, half_m: Some([0.028, 0.095]) };
+        let level = Level::of(&board(0.7), &row, 0.7, &load);
+        let lying = |yaw_rad: f64| Outline::Box { half_m: [0.028, 0.095], yaw_rad };
+        assert!(level.find_spots(&Outline::Round(load.radius_m), 0.55).is_empty());
+        assert!(level.find_spots(&lying(0.0), 0.55).is_empty(), "across the strip it stands too near to its borders");
+        let along = level.find_spots(&lying(std::f64::consts::FRAC_PI_2), 0.55);
+        assert!(along.iter().any(|spot| spot.point.y > 0.25) && along.iter().all(|spot| spot.yaw_rad.is_some()));
     }
 
     #[test]
