@@ -1,6 +1,6 @@
 //! Boxes around the links, for leaving the robot out of what it sees.
 
-use super::{Configuration, RobotModel};
+use super::{Configuration, LinkId, RobotModel};
 use crate::model::shapes::{Geometry, from_parry};
 use dsm::Pose;
 use dsm::geometry::OrientedBox;
@@ -9,9 +9,21 @@ use nalgebra::{Point3, Vector3};
 impl RobotModel {
     /// One box per collision shape in the world frame.
     pub fn link_boxes(&self, configuration: &Configuration, world_from_base: &Pose) -> Vec<OrientedBox> {
+        let links: Vec<LinkId> = (0..self.kinematics.links.len()).map(LinkId).collect();
+        self.boxes_of(&links, configuration, world_from_base)
+    }
+
+    /// One box per collision shape of these links in the world frame.
+    pub(super) fn boxes_of(
+        &self,
+        links: &[LinkId],
+        configuration: &Configuration,
+        world_from_base: &Pose,
+    ) -> Vec<OrientedBox> {
         let poses = self.kinematics.root_from_links(configuration);
-        let links = self.kinematics.links.iter().zip(poses.as_slice());
         links
+            .iter()
+            .map(|link| (&self.kinematics.links[link.0], &poses.as_slice()[link.0]))
             .flat_map(|(link, base_from_link)| link.collisions.iter().map(move |shape| (shape, base_from_link)))
             .filter_map(|(shape, base_from_link)| {
                 let (center, size, shape_from_box) = find_bounds(&shape.geometry)?;

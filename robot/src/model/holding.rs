@@ -26,9 +26,12 @@ impl RobotModel {
     }
 
     /// Radius about the base's axis that holds the whole robot in this configuration, metres: its footprint when it
-    /// carries something.
+    /// carries something. What is fixed to the base lies within the footprint that the robot's file states.
     pub fn radius_m(&self, configuration: &super::Configuration) -> f64 {
-        let boxes = self.link_boxes(configuration, &dsm::Pose::identity());
+        let bodies = self.kinematics.rigid_bodies();
+        let base = bodies[self.kinematics.root.0];
+        let moving: Vec<LinkId> = (0..bodies.len()).map(LinkId).filter(|link| bodies[link.0] != base).collect();
+        let boxes = self.boxes_of(&moving, configuration, &dsm::Pose::identity());
         let corners = boxes.iter().flat_map(OrientedBox::corners);
         corners
             .map(|corner| Point2::from(corner.xy()).coords.norm())

@@ -13,7 +13,7 @@ use dsm::Pose;
 use dsm_robot::drivers::Twist;
 use dsm_robot::model::shapes::{CollisionShape, Geometry, Mesh};
 use dsm_sim::physics::{ContactParty, Engine, JointTarget, Physics, PhysicsError, RobotStart};
-use dsm_sim::scene::{BodyMotion, SceneMesh, SceneModel, SceneShape};
+use dsm_sim::scene::{BodyMotion, SceneGeom, SceneMesh, SceneModel, SceneShape};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 
@@ -115,6 +115,33 @@ pub(crate) fn a_stack_rests_and_a_round_fruit_stays(engine: &dyn Engine) {
     let contact = contacts.iter().find(|c| (c.first, c.second) == below).expect("the lowest box stands on the table");
     assert!((contact.force_n - 1.5 * G).abs() < 0.05 * 1.5 * G, "{} N", contact.force_n);
     assert!(contact.depth_m < 0.002 && (contact.point_in_world.z - 0.7).abs() < 0.005);
+}
+
+pub(crate) fn what_stands_is_still(engine: &dyn Engine) {
+    // A can, and a ball on a small foot, once rocked by a millimetre for ever: they never slept, and a ball that was put
+    // down never counted as at rest.
+    let mut scene = floor();
+    add_table(&mut scene, 1.0, 0.0, 1.2, 0.5);
+    let can = SceneShape::Cylinder { radius_m: 0.03, half_length_m: 0.1 };
+    let can = add_free(&mut scene, [1.0, -0.3, 0.601], 0.16, can, 0.5);
+    let ball = add_free(&mut scene, [1.0, 0.3, 0.501], 0.167, SceneShape::Sphere { radius_m: 0.0415 }, 0.8);
+    let geoms = &mut scene.bodies[ball].geoms;
+    geoms[0].body_from_geom = Pose::translation(0.0, 0.0, 0.0425);
+    let foot = SceneShape::Cylinder { radius_m: 0.0149, half_length_m: 0.003 };
+    let foot = SceneGeom { shape: foot, body_from_geom: Pose::translation(0.0, 0.0, 0.003), ..geoms[0].clone() };
+    geoms.push(foot);
+    let mut physics = build(engine, &scene, &aside());
+    run(physics.as_mut(), 2.0);
+    for body in [can, ball] {
+        let mut last = position(physics.as_ref(), body);
+        for _ in 0..60 {
+            run(physics.as_mut(), 0.05);
+            let now = position(physics.as_ref(), body);
+            let speed = (now - last).norm() / 0.05;
+            assert!(speed < 0.005, "body {body} moves at {speed} m/s");
+            last = now;
+        }
+    }
 }
 
 pub(crate) fn meshes_collide_by_their_surface_or_hull(engine: &dyn Engine) {
@@ -449,6 +476,7 @@ macro_rules! conformance {
             a_free_body_falls_with_gravity
             friction_decides_whether_a_block_slides_down_a_slope
             a_stack_rests_and_a_round_fruit_stays
+            what_stands_is_still
             meshes_collide_by_their_surface_or_hull
             the_arm_holds_its_posture_against_gravity
             joints_track_velocities_and_stop_at_their_limits
