@@ -337,7 +337,7 @@ mod tests {
         let points: Vec<[f32; 3]> = top.chain(side).collect();
         let mut map = Map::clone(&map_of(vec![object(1, [0.0, -0.76, 0.275], [3.6, 0.72, 0.55], &points)]));
         for (x, y) in (-60..60).flat_map(|x| (-30..30).map(move |y| (x, y))) {
-            let state = if y > 7 || y < -8 { CellState::Occupied } else { CellState::Free };
+            let state = if !(-8..=7).contains(&y) { CellState::Occupied } else { CellState::Free };
             map.free_space.set([x, y], state);
         }
         map
