@@ -1,6 +1,6 @@
 //! Grasps from pairs of opposite surface points, for things that are no simple shape.
 
-use super::candidates::{Proposal, side_directions, tool_rotation};
+use super::candidates::{Proposal, Standing, side_directions, tool_rotation};
 use super::config::GraspConfig;
 use super::scene::{ApproachFrom, GraspScene};
 use super::shape::Shape;
@@ -44,6 +44,7 @@ pub(crate) fn propose_pairs(
             kept.push(pair);
         }
     }
+    let standing = Standing::of(scene, shape);
     let mut proposals = Vec::new();
     for (square, closing, width, middle) in kept {
         for (wanted, preference) in approaches(scene, shape, config) {
@@ -61,12 +62,12 @@ pub(crate) fn propose_pairs(
             }
             let world_from_tool =
                 Pose::from_parts(Translation3::from(middle.coords), tool_rotation(&approach, &closing));
-            let off = (middle - shape.center()).norm() / shape.half_extent_m(&Vector3::z()).max(0.02);
+            let off = (middle - standing.middle).norm() / shape.half_extent_m(&Vector3::z()).max(0.02);
             proposals.push(Proposal {
                 world_from_tool,
                 half_width_m: 0.5 * width,
                 surface_cosine: square,
-                centering: (1.0 - 0.4 * off).clamp(0.2, 1.0),
+                centering: (1.0 - 0.4 * off).clamp(0.2, 1.0) * standing.balance(middle.z),
                 preference: 0.95 * preference,
             });
         }

@@ -184,19 +184,21 @@ fn headings(scene: &GraspScene, shape: &Shape) -> Vec<(f64, f64)> {
 
 /// How far below their middle tall things are held as well, metres: what tapers to its top slips out there.
 const LOWERED_M: f64 = -0.035;
-/// What such a hold is worth: two pads hold against sliding but hardly against turning, and what is held off its middle
-/// turns on the way and is put down aslant. Only sides that let go at the middle are worse.
-const LOWERED_SHARE: f64 = 0.6;
+/// Off its balance by this much a hold is worth nothing, metres: two pads hold against sliding but hardly against turning,
+/// and what has turned on the way is put down aslant. Sides that let go are worse, so it never counts for all.
+const TURNS_M: f64 = 0.0875;
+const LEAST_BALANCE: f64 = 0.3;
 /// Half the height from which a thing is tall, metres.
 const HALF_TALL_M: f64 = 0.06;
 
 fn propose_from_shape(scene: &GraspScene, shape: &Shape, config: &GraspConfig) -> Vec<Result<Proposal, RejectReason>> {
     const SLANT_FOR_BOTH_WAYS: f64 = 0.5;
+    let standing = Standing::of(scene, shape);
     let mut proposals = Vec::new();
     let down = -Vector3::z();
     for closing in shape.closing_directions() {
         for closing in [closing, -closing] {
-            proposals.push(place(scene, shape, &down, &closing, 0.0, 1.0, config));
+            proposals.push(place(&standing, &down, &closing, 0.0, 1.0, config));
         }
     }
     for (heading, liked) in headings(scene, shape) {
@@ -206,22 +208,54 @@ fn propose_from_shape(scene: &GraspScene, shape: &Shape, config: &GraspConfig) -
             let tall = shape.half_extent_m(&Vector3::z()) > HALF_TALL_M;
             let raises_m: &[f64] = if tall { &[0.0, 0.01, LOWERED_M] } else { &[0.0, 0.01] };
             for &extra_raise_m in raises_m {
-                let preference = if extra_raise_m < 0.0 { LOWERED_SHARE * preference } else { preference };
-                proposals.push(place(scene, shape, &approach, &closing, extra_raise_m, preference, config));
+                proposals.push(place(&standing, &approach, &closing, extra_raise_m, preference, config));
             }
             if pitch > SLANT_FOR_BOTH_WAYS {
-                proposals.push(place(scene, shape, &approach, &-closing, 0.0, 0.98 * preference, config));
+                proposals.push(place(&standing, &approach, &-closing, 0.0, 0.98 * preference, config));
             }
         }
     }
     proposals
 }
 
-/// Puts the tool at the middle of the shape, back far enough for the palm, and up far enough for the fingers to stay off
+/// A shape on what carries it.
+pub(crate) struct Standing<'a> {
+    shape: &'a Shape,
+    /// Where two pads hold it best: at the height of its centre of mass, for they hold against sliding but hardly against
+    /// turning. Never nearer to its ends than a quarter of its height.
+    pub(crate) middle: Point3<f64>,
+    support_z_m: f64,
+}
+
+/// Whether two pads let it turn: tall round things, which they touch along a line. Flat sides hold against it.
+fn turns(shape: &Shape) -> bool {
+    !matches!(shape, Shape::Block { .. }) && shape.half_extent_m(&Vector3::z()) > HALF_TALL_M
+}
+
+impl<'a> Standing<'a> {
+    pub(crate) fn of(scene: &GraspScene, shape: &'a Shape) -> Self {
+        let mut middle = shape.center();
+        if turns(shape) {
+            let half_m = shape.half_extent_m(&Vector3::z());
+            let up_m = scene.support_z_m + scene.balance_m() - middle.z;
+            middle.z += up_m.clamp(-0.5 * half_m, 0.5 * half_m);
+        }
+        Self { shape, middle, support_z_m: scene.support_z_m }
+    }
+
+    /// What a hold at this height is worth, from [`LEAST_BALANCE`] to 1. World frame, metres.
+    pub(crate) fn balance(&self, z_m: f64) -> f64 {
+        if !turns(self.shape) {
+            return 1.0;
+        }
+        (1.0 - (z_m - self.middle.z).abs() / TURNS_M).max(LEAST_BALANCE)
+    }
+}
+
+/// Puts the tool at the balanced middle of the shape, back far enough for the palm, and up far enough for the fingers to stay off
 /// the support.
 fn place(
-    scene: &GraspScene,
-    shape: &Shape,
+    standing: &Standing<'_>,
     approach: &Vector3<f64>,
     closing: &Vector3<f64>,
     extra_raise_m: f64,
@@ -230,18 +264,19 @@ fn place(
 ) -> Result<Proposal, RejectReason> {
     const PALM_GAP_M: f64 = 0.012;
     const MIN_HOLD_M: f64 = 0.02;
-    let half_depth = shape.half_extent_m(approach);
+    let &Standing { shape, middle, support_z_m } = standing;
+    let half_depth = shape.half_extent_m(approach) + (middle - shape.center()).dot(approach);
     let half_height = shape.half_extent_m(&Vector3::z());
     let back_m = (half_depth - (config.hand.palm_behind_tool_m - PALM_GAP_M)).max(0.0);
     if back_m > 0.0 && back_m > half_depth - MIN_HOLD_M {
         return Err(RejectReason::OffCentre);
     }
     let half_width_m = shape.half_extent_m(closing);
-    let at = shape.center() - approach * back_m;
+    let at = middle - approach * back_m;
     let pose = Pose::from_parts(Translation3::from(at.coords), tool_rotation(approach, closing));
     let opening = (2.0 * half_width_m + config.opening_margin_m).min(config.hand.max_aperture_m);
     let lowest = SweptHand::new(opening, config).lowest_finger_z_m(&pose, config);
-    let needed_m = scene.support_z_m + config.support_clearance_m - lowest;
+    let needed_m = support_z_m + config.support_clearance_m - lowest;
     let raise_m = if extra_raise_m < 0.0 { needed_m.max(extra_raise_m) } else { needed_m.max(0.0) + extra_raise_m };
     // What the hand does not do along its approach it must do across it.
     let across = Vector3::z() - approach * approach.z;
@@ -261,7 +296,7 @@ fn place(
         world_from_tool,
         half_width_m,
         surface_cosine: shape.surface_cosine(off_axis),
-        centering,
+        centering: centering * standing.balance(world_from_tool.translation.z),
         preference,
     })
 }

@@ -61,6 +61,35 @@ impl GraspScene {
         let support_z_m = find_support(&target, &obstacles, bottom);
         Some(Self { target, obstacles, support_z_m, from })
     }
+
+    /// Height of the target's centre of mass above what carries it, metres, as if it were of one stuff and round: each
+    /// slice weighs as the square of its width. The neck of a bottle is half of its height and a tenth of its weight.
+    pub fn balance_m(&self) -> f64 {
+        const SLICE_M: f64 = 0.01;
+        /// Directions in which a slice is measured; from one side only the one across the view shows its width.
+        const DIRECTIONS: usize = 8;
+        let top_m = quantile(self.target.iter().map(|p| p.z), 0.98).unwrap_or(self.support_z_m) - self.support_z_m;
+        let slices = (top_m / SLICE_M).ceil().max(1.0) as usize;
+        let slice_of = |p: &Point3<f64>| (((p.z - self.support_z_m) / SLICE_M).max(0.0) as usize).min(slices - 1);
+        let mut extents = vec![[(f64::MAX, f64::MIN); DIRECTIONS]; slices];
+        for point in &self.target {
+            for (k, extent) in extents[slice_of(point)].iter_mut().enumerate() {
+                let (sin, cos) = (k as f64 * std::f64::consts::PI / DIRECTIONS as f64).sin_cos();
+                let along = point.x * cos + point.y * sin;
+                *extent = (extent.0.min(along), extent.1.max(along));
+            }
+        }
+        let width = |slice: &[(f64, f64); DIRECTIONS]| slice.iter().map(|(low, high)| high - low).fold(0.0, f64::max);
+        // What is not seen, as from above, is as wide as what is seen over it.
+        let (mut last, mut weight, mut moment) = (0.0, 0.0, 0.0);
+        for (i, slice) in extents.iter().enumerate().rev() {
+            let seen = width(slice);
+            last = if seen > 0.0 { seen } else { last };
+            weight += last * last;
+            moment += last * last * (i as f64 + 0.5) * SLICE_M;
+        }
+        if weight > 0.0 { (moment / weight).min(top_m) } else { 0.5 * top_m }
+    }
 }
 
 /// Drops points of others that lie on the target's own surface: borders of masks bleed onto neighbours. Points at the

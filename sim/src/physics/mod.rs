@@ -19,6 +19,7 @@ mod robot_spec;
 mod scene_body;
 mod settle;
 mod shapes;
+mod spin;
 
 pub(crate) use convert::{from_vector, to_pose};
 pub use inertia::{BodyInertia, body_inertia};

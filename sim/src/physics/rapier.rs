@@ -8,6 +8,7 @@ use super::robot_body::{BuiltRobot, build_robot, find_link_of_tag};
 use super::robot_spec::{RobotBody, RobotStart};
 use super::scene_body::{IgnoredPairs, insert_scene};
 use super::settle::settle_scene;
+use super::spin::PadSpin;
 use super::{BodyVelocity, Contact, ContactParty, Engine, JointTarget, Physics, PhysicsConfig, PhysicsError};
 use crate::scene::SceneModel;
 use dsm::Pose;
@@ -47,6 +48,7 @@ pub struct RapierPhysics {
     scene_bodies: Vec<RigidBodyHandle>,
     robot: BuiltRobot,
     motors: Motors,
+    spin: PadSpin,
     filter: IgnoredPairs,
     step: Span,
     steps: i64,
@@ -74,7 +76,16 @@ impl RapierPhysics {
         let base = [start.x_m, start.y_m, start.yaw_rad];
         let motors = Motors::new(&built.moving, fingers, robot.drive, base, &positions);
         let filter = IgnoredPairs::new(scene, built.ignored.clone());
-        Ok(Self { world, scene_bodies, robot: built, motors, filter, step: config.step, steps: 0 })
+        Ok(Self {
+            world,
+            scene_bodies,
+            robot: built,
+            motors,
+            spin: PadSpin::default(),
+            filter,
+            step: config.step,
+            steps: 0,
+        })
     }
 
     fn find_party(&self, collider: ColliderHandle) -> Option<ContactParty> {
@@ -198,6 +209,7 @@ impl Physics for RapierPhysics {
 
     fn step(&mut self) {
         before_step(&mut self.motors, &self.robot, &mut self.world, self.step.as_s());
+        self.spin.apply(&self.robot, &mut self.world, self.step.as_s());
         self.world.step_with_events(&self.filter, &());
         after_step(&mut self.motors, &self.robot, &self.world, self.step.as_s());
         self.steps += 1;

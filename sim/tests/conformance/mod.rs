@@ -281,16 +281,18 @@ pub(crate) fn friction_holds_what_the_gripper_lifts_and_carries(engine: &dyn Eng
         assert!((left - joint_value(physics.as_ref(), "gripper_right_joint")).abs() < 1e-3);
         lift_by(physics.as_mut(), 0.1, 1.5);
         let tool = physics.find_link("tool_frame").expect("it exists");
-        let in_tool =
-            |p: &dyn Physics| (p.world_from_link(tool).inv_mul(&p.world_from_body(object))).translation.vector;
+        let in_tool = |p: &dyn Physics| p.world_from_link(tool).inv_mul(&p.world_from_body(object));
         let held = in_tool(physics.as_ref());
         drive(physics.as_mut(), -0.5, 0.0, 2.0);
         drive(physics.as_mut(), 0.0, 1.0, 2.0);
         drive(physics.as_mut(), 0.5, 0.0, 2.0);
         drive(physics.as_mut(), 0.0, 0.0, 5.0);
         assert!(position(physics.as_ref(), object).z > 0.73);
-        let slipped = (in_tool(physics.as_ref()) - held).norm();
+        let slipped = (in_tool(physics.as_ref()).translation.vector - held.translation.vector).norm();
         assert!(slipped < 0.006, "slipped {slipped} m in 11 s");
+        // The pads are soft: an apple between two hard points swung about them.
+        let turned = in_tool(physics.as_ref()).rotation.angle_to(&held.rotation).to_degrees();
+        assert!(turned < 8.0, "turned by {turned} degrees in 11 s");
         assert!(physics.contacts().iter().all(|c| c.depth_m < 0.003));
         set_gripper(physics.as_mut(), 0.13, 25.0);
         run(physics.as_mut(), 1.5);
@@ -339,7 +341,7 @@ pub(crate) fn what_is_held_aslant_does_not_turn_between_the_pads(engine: &dyn En
             before.angle_to(&after).to_degrees()
         })
         .collect();
-    assert!(turned_deg.iter().all(|turned| *turned < 6.0), "turned by {turned_deg:.1?} degrees in 8 s");
+    assert!(turned_deg.iter().all(|turned| *turned < 8.0), "turned by {turned_deg:.1?} degrees in 8 s");
 }
 
 pub(crate) fn a_grip_too_weak_for_the_weight_drops_the_object(engine: &dyn Engine) {

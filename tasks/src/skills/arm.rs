@@ -95,14 +95,18 @@ fn move_joints_by(
             return yield_to_touch(agent, &output);
         }
         if let Some(outcome) = judge(&output, &mut watch, agent.now().as_s()) {
-            if outcome != ArmOutcome::Reached {
-                agent.log(format!(
-                    "joints stuck: {:?}, {} rows, {} active, nearest {:?} m",
-                    output.status, output.rows, output.active_rows, output.min_distance_m
-                ));
-            }
+            log_stuck(agent, "joints", outcome, &output);
             return Ok(outcome);
         }
+    }
+}
+
+fn log_stuck(agent: &mut Agent, what: &str, outcome: ArmOutcome, output: &ControlOutput) {
+    if outcome != ArmOutcome::Reached {
+        agent.log(format!(
+            "{what} stuck: {:?}, {} rows, {} active, nearest {:?} m",
+            output.status, output.rows, output.active_rows, output.min_distance_m
+        ));
     }
 }
 
@@ -150,6 +154,10 @@ pub fn fold(agent: &mut Agent, path: &str, obstacles: &[Obstacle]) -> Result<Arm
     move_through(agent, &postures, obstacles)
 }
 
+/// Distance that the hand keeps while its fingers go in among things, slowly, metres: what the planner of grasps asks for.
+/// With the distance that free motions keep, it stopped two centimetres before what stands close to others.
+const AMONG_THINGS_M: f64 = 0.004;
+
 /// A motion of the tool.
 pub struct ToolMove<'a> {
     /// Where the tool shall be, base frame.
@@ -169,7 +177,11 @@ pub struct ToolMove<'a> {
 /// Moves the tool to a pose in the base frame.
 pub fn move_tool(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<ArmOutcome, Halt> {
     let model = agent.model().clone();
-    let config = ControllerConfig { max_tool_speed_m_per_s: motion.speed_m_per_s, ..model.settings.control.clone() };
+    let mut config =
+        ControllerConfig { max_tool_speed_m_per_s: motion.speed_m_per_s, ..model.settings.control.clone() };
+    if !motion.touching.is_empty() {
+        config.obstacle_stop_m = config.obstacle_stop_m.min(AMONG_THINGS_M);
+    }
     let mut controller = Controller::new(&model, config);
     if let Some(posture) = motion.posture {
         controller.set_posture(posture);
@@ -189,6 +201,7 @@ pub fn move_tool(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<ArmOutcome,
             return yield_to_touch(agent, &output);
         }
         if let Some(outcome) = judge(&output, &mut watch, agent.now().as_s()) {
+            log_stuck(agent, "the tool is", outcome, &output);
             return Ok(outcome);
         }
     }

@@ -65,6 +65,7 @@ mod tests {
             base_from_tool: UnitQuaternion::identity(),
             base_from_side_rad: 0.0,
             width_m: 0.09,
+            balance_in_tool: Point3::origin(),
         };
         let before = map_of(vec![ball(1, [0.0, 0.0, 0.8]), ball(2, [0.3, 0.0, 0.8])]);
         let near = Point2::new(0.5, 0.5);

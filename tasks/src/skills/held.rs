@@ -45,6 +45,8 @@ pub struct Held {
     pub base_from_side_rad: f64,
     /// Width between the fingers, metres.
     pub width_m: f64,
+    /// Its centre of mass, tool frame, metres.
+    pub balance_in_tool: Point3<f64>,
 }
 
 /// An object as it stands before a grasp: what the hand will hide.
@@ -54,6 +56,8 @@ pub struct Standing {
     name: String,
     bounds: OrientedBox,
     support_z_m: f64,
+    /// Height of its centre of mass above the support, metres.
+    balance_m: f64,
 }
 
 impl Standing {
@@ -61,8 +65,8 @@ impl Standing {
     pub fn of(map: &Map, id: ObjectId) -> Option<Self> {
         let object = map.find_object(id)?;
         let (name, bounds) = (object.name().to_owned(), object.bounds);
-        let support_z_m = GraspScene::from_map(map, id, ApproachFrom::Anywhere)?.support_z_m;
-        Some(Self { id, name, bounds, support_z_m })
+        let scene = GraspScene::from_map(map, id, ApproachFrom::Anywhere)?;
+        Some(Self { id, name, bounds, support_z_m: scene.support_z_m, balance_m: scene.balance_m() })
     }
 
     /// What the hand holds after the grasp skill has lifted the object; from here on the object belongs to the robot
@@ -83,6 +87,8 @@ impl Standing {
         let width_m = agent.grip_state()?.width_m;
         let tool = base_from_tool.translation.vector;
         let middle = Point3::new(tool.x, tool.y, tool.z - tool_above_bottom_m + 0.5 * height_m);
+        let balance = Point3::new(tool.x, tool.y, tool.z - tool_above_bottom_m + self.balance_m);
+        let balance_in_tool = base_from_tool.inverse_transform_point(&balance);
         let base_from_world = agent.world_from_base()?.inverse();
         let (size, base_from_box) = upright(&self.bounds, height_m, &base_from_world);
         agent.hold(Some(OrientedBox {
@@ -104,6 +110,7 @@ impl Standing {
             base_from_tool,
             base_from_side_rad,
             width_m,
+            balance_in_tool,
         })
     }
 }
@@ -129,7 +136,8 @@ pub fn carry(agent: &mut Agent, held: &Held, settings: &GraspSettings) -> Result
     let world_from_base = agent.world_from_base()?;
     let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
     let (model, configuration) = (agent.model().clone(), agent.configuration()?);
-    let postures = agent.plan(move || find_carry(&model, &configuration))?;
+    let balance_in_tool = held.balance_in_tool;
+    let postures = agent.plan(move || find_carry(&model, &configuration, &balance_in_tool))?;
     let Some(postures) = postures else {
         return Ok(Outcome::Failed(Stage::Reach, "the arm has no way to carry this object".into()));
     };

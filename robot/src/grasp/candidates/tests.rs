@@ -155,7 +155,7 @@ fn a_carton_is_held_across_its_shorter_side() {
     let short = Vector3::new(0.3_f64.cos(), 0.3_f64.sin(), 0.0);
     for candidate in plan.candidates.iter().take(4) {
         assert!(closing(candidate).dot(&short).abs() > 0.97, "{candidate:?}");
-        assert!((candidate.width_m - 0.06).abs() < 0.012);
+        assert!((candidate.width_m - 0.06).abs() < 0.012, "{candidate:?}");
     }
     assert!(plan.rejected[&RejectReason::TooWide] > 0, "the long side does not fit");
 }
@@ -259,4 +259,18 @@ fn a_thermos_is_held_at_its_middle() {
         let off_m = plan.candidates[0].world_from_tool.translation.z - middle.z;
         assert!(off_m > -0.02, "held {off_m:.3} m off its middle: {:?}", plan.candidates[0]);
     }
+}
+
+#[test]
+fn a_bottle_is_held_at_its_balance() {
+    // Half of its height is neck: held at the middle of its height it turned between the pads by 60 degrees on the way.
+    let support_z_m = 0.73;
+    let belly = cylinder(Point3::new(1.0, 0.0, support_z_m + 0.06), 0.033, 0.12, 0.001, 2500, 5);
+    let neck = cylinder(Point3::new(1.0, 0.0, support_z_m + 0.155), 0.014, 0.07, 0.001, 800, 6);
+    let bottle: Vec<Point3<f64>> = belly.into_iter().chain(neck).collect();
+    let scene = GraspScene::from_points(&bottle, &board(Point3::new(1.0, 0.0, support_z_m), 9), BASE).unwrap();
+    assert!((scene.balance_m() - 0.066).abs() < 0.012, "{}", scene.balance_m());
+    let plan = plan_grasps(&scene, &GraspConfig::default(), &everywhere);
+    let held_m = plan.candidates[0].world_from_tool.translation.z - support_z_m;
+    assert!(held_m < 0.085, "held {held_m:.3} m above its bottom: {:?}", plan.candidates[0]);
 }
