@@ -19,7 +19,11 @@ const JPEG: &[u8] = include_bytes!("two_colors.jpg");
 fn write_images(color: &Path, depth: &Path, number: u32) {
     fs::write(color, JPEG).unwrap();
     let unit = |i: u32| {
-        if (i + number) % 7 == 0 { 0 } else { 900 + 3001 * number as u16 + 61 * (i / SIZE.0 + i % SIZE.0) as u16 }
+        if (i + number).is_multiple_of(7) {
+            0
+        } else {
+            900 + 3001 * number as u16 + 61 * (i / SIZE.0 + i % SIZE.0) as u16
+        }
     };
     let bytes: Vec<u8> = (0..SIZE.0 * SIZE.1).flat_map(|i| unit(i).to_be_bytes()).collect();
     let mut encoder = png::Encoder::new(fs::File::create(depth).unwrap(), SIZE.0, SIZE.1);
