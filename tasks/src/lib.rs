@@ -25,12 +25,15 @@ pub mod journal;
 pub mod judge;
 pub mod map_server;
 #[cfg(feature = "mcap")]
-pub mod mcap_tape;
+pub mod mcap_file;
 pub mod pace;
 pub mod perception;
 pub mod picture;
 pub mod plot;
+pub mod recording;
 pub mod report;
+#[cfg(feature = "rerun")]
+pub mod rerun_file;
 pub mod run;
 pub mod sequence;
 pub mod session;

@@ -13,7 +13,7 @@ use dsm::map::{
 use dsm::store::{load_map, save_map};
 use dsm::time::Stamp;
 use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
-use python::{find_python, skip};
+use python::{find_python, run_script, skip};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -132,13 +132,11 @@ fn exports_are_read_by_others_and_come_back() {
         })
         .collect();
     fs::write(path.join("points.json"), serde_json::to_string(&points).unwrap()).unwrap();
-    let Some(python) = find_python() else {
+    let packages = ["plyfile==1.1.5", "pygltflib==1.16.5", "spark-dsg==1.1.3"];
+    let Some(python) = find_python("exchange-python", &packages) else {
         return skip("exchange: PyPI's plyfile, pygltflib and spark-dsg cannot be had");
     };
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/exchange.py");
-    let output = Command::new(python).arg(script).arg(path).output().unwrap();
-    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{said}");
+    let said = run_script(&python, "exchange.py", path);
     assert!(said.contains("3 objects, 340 points, 2 edges"), "{said}");
     // What spark_dsg loaded and saved again is the same map.
     dsm(path, &["map", "import", "again.dsg.json", "-o", "again.dsm"]);

@@ -10,10 +10,8 @@ mod bench;
 mod python;
 
 use bench::Bench;
-use python::{find_python, skip};
+use python::{find_python, run_script, skip};
 use std::fs;
-use std::path::Path;
-use std::process::Command;
 
 #[test]
 fn the_mcap_file_of_a_run_holds_what_happened() {
@@ -24,9 +22,9 @@ fn the_mcap_file_of_a_run_holds_what_happened() {
     assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
     let shown = bench.run(&["map", "show", "seq/map.dsm", "--json"]).stdout;
     fs::write(bench.path().join("shown.json"), shown).unwrap();
-    let Some(python) = find_python() else { return skip("mcap: PyPI's mcap cannot be had") };
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mcap_file.py");
-    let output = Command::new(python).arg(script).arg(bench.path()).output().unwrap();
-    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success() && said.contains(" frames, "), "{said}");
+    let Some(python) = find_python("mcap-python", &["mcap==1.6.0"]) else {
+        return skip("mcap: PyPI's mcap cannot be had");
+    };
+    let said = run_script(&python, "mcap_file.py", bench.path());
+    assert!(said.contains(" frames, "), "{said}");
 }

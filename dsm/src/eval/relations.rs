@@ -10,8 +10,7 @@ use super::scene::{TrueScene, TrueThing};
 use super::statistics::F1Count;
 use crate::build::{BuildConfig, relate_all};
 use crate::knowledge::Knowledge;
-use crate::map::{Map, MapObject, ObjectId, ObjectState, RelationKind, RoomId, Votes};
-use crate::time::Stamp;
+use crate::map::{Map, MapObject, ObjectId, RelationKind, RoomId, Votes};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Upward means steeper than this: cosine of the slope.
@@ -60,21 +59,8 @@ fn true_relations(
             names.add(knowledge.find(&thing.category).map_or(&*thing.category, |c| &*c.name), 1.0);
             let place = thing.bounds.center.xy();
             let room = truth.rooms.iter().position(|room| contains(&room.polygon, &place));
-            let object = MapObject {
-                id: ObjectId(index as u64),
-                state: ObjectState::Stable,
-                names,
-                points: Vec::new(),
-                bounds: thing.bounds,
-                attributes: Default::default(),
-                visual_feature: Vec::new(),
-                provenance: Default::default(),
-                text_feature: Vec::new(),
-                room: room.map(|room| RoomId(room as u32)),
-                observations: 1,
-                first_seen: Stamp::default(),
-                last_seen: Stamp::default(),
-            };
+            let room = room.map(|room| RoomId(room as u32));
+            let object = MapObject { room, ..MapObject::given(ObjectId(index as u64), names, thing.bounds) };
             (object, find_surfaces(thing))
         })
         .collect();

@@ -1,7 +1,7 @@
 //! Scenes and queries, one JSON object a line.
 
 use crate::geometry::{Aabb, OrientedBox};
-use crate::map::{Attributes, Map, MapChange, MapObject, MapPoint, MapUpdate, ObjectId, ObjectState, Votes};
+use crate::map::{Map, MapChange, MapObject, MapPoint, MapUpdate, ObjectId, Votes};
 use crate::time::Stamp;
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
@@ -136,21 +136,9 @@ impl SceneLine {
                 position: bounds.center().cast(),
                 color: rgb.map(|channel| channel.clamp(0.0, 255.0) as u8),
             };
-            MapChange::Put(Box::new(MapObject {
-                id: ObjectId(i as u64),
-                state: ObjectState::Stable,
-                names,
-                points: object.mean_rgb.map(point).into_iter().collect(),
-                bounds: OrientedBox::from(bounds),
-                attributes: Attributes::default(),
-                visual_feature: Vec::new(),
-                provenance: Default::default(),
-                text_feature: Vec::new(),
-                room: None,
-                observations: 1,
-                first_seen: Stamp::default(),
-                last_seen: Stamp::default(),
-            }))
+            let points = object.mean_rgb.map(point).into_iter().collect();
+            let given = MapObject::given(ObjectId(i as u64), names, OrientedBox::from(bounds));
+            MapChange::Put(Box::new(MapObject { points, ..given }))
         };
         let changes = self.objects.iter().enumerate().map(put).collect();
         map.apply(MapUpdate { stamp: Stamp::default(), changes });

@@ -66,6 +66,25 @@ pub struct MapObject {
 }
 
 impl MapObject {
+    /// A stable object of which nothing but names and box is known.
+    pub fn given(id: ObjectId, names: Votes, bounds: OrientedBox) -> Self {
+        Self {
+            id,
+            state: ObjectState::Stable,
+            names,
+            points: Vec::new(),
+            bounds,
+            attributes: Attributes::default(),
+            provenance: Provenance::default(),
+            visual_feature: Vec::new(),
+            text_feature: Vec::new(),
+            room: None,
+            observations: 1,
+            first_seen: Stamp::default(),
+            last_seen: Stamp::default(),
+        }
+    }
+
     /// Its most voted name; empty only before the first observation.
     pub fn name(&self) -> &str {
         self.names.find_winner().map_or("", |(name, _)| name)

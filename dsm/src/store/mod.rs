@@ -15,7 +15,7 @@ mod record;
 mod show;
 mod spark_dsg;
 
-pub use atomic::write_atomically;
+pub use atomic::{WholeFile, write_atomically};
 pub use export::{ExportFormat, export_map};
 pub use load::{LoadedMap, decode, load_map};
 pub use log::{MapLog, save_map};

@@ -6,8 +6,7 @@
 use super::StoreError;
 use crate::geometry::OrientedBox;
 use crate::map::{
-    Attributes, CellState, Map, MapChange, MapObject, MapUpdate, ObjectId, ObjectState, Provenance, Relation, Room,
-    RoomId, Votes,
+    CellState, Map, MapChange, MapObject, MapUpdate, ObjectId, ObjectState, Provenance, Relation, Room, RoomId, Votes,
 };
 use crate::time::Stamp;
 use nalgebra::{Point2, Point3, Quaternion, UnitQuaternion, Vector3};
@@ -305,21 +304,7 @@ fn import_object(node: &Node, labels: &BTreeMap<u64, String>) -> Result<MapObjec
     let name = if a.name.is_empty() || !label.is_empty() { label } else { a.name.clone() };
     let mut names = Votes::default();
     names.add(if name.is_empty() { "object" } else { &name }, 1.0);
-    Ok(MapObject {
-        id,
-        state: ObjectState::Stable,
-        names,
-        points: Vec::new(),
-        bounds,
-        attributes: Attributes::default(),
-        visual_feature: Vec::new(),
-        provenance: Default::default(),
-        text_feature: Vec::new(),
-        room: None,
-        observations: 1,
-        first_seen: Stamp::default(),
-        last_seen: Stamp::default(),
-    })
+    Ok(MapObject::given(id, names, bounds))
 }
 
 fn bounds_of(attributes: &NodeAttributes) -> Result<OrientedBox, String> {

@@ -1,5 +1,6 @@
 //! `dsm build DIR`: map a recorded sequence without a simulator.
 
+use super::output::check_file;
 use super::run::{BarProgress, catch_interrupt, progress_bar, set_threads};
 use super::{Output, ResultArgs};
 use crate::assemble::knowledge;
@@ -9,7 +10,7 @@ use crate::sequence::{Layout, Options, Sequence};
 use dsm::build::{BuildConfig, MapBuilder};
 use dsm::map::Map;
 use dsm::perceive::{Detector, PixelSegmenter};
-use dsm::store::MapLog;
+use dsm::store::save_map;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -81,10 +82,8 @@ pub(super) fn run(args: BuildArgs) -> anyhow::Result<u8> {
         None if sequence.has_detections() => Source::Recorded,
         None => Source::Pixels,
     };
-    // Broken input is found before anything is written.
-    sequence.read(0)?;
+    check_file(&args.out)?;
     let interrupted = catch_interrupt()?;
-    let mut log = MapLog::create(&args.out, CELL_M).map_err(TaskError::from)?;
     let mut builder = MapBuilder::new(BuildConfig::default(), knowledge()?);
     let mut map = Map::new(CELL_M);
     let mut segmenter = PixelSegmenter;
@@ -107,13 +106,13 @@ pub(super) fn run(args: BuildArgs) -> anyhow::Result<u8> {
             }
         };
         let update = builder.observe(&map, &seen.frame, &found, &seen.carrier);
-        map.apply(update.clone());
-        log.append(update, &map).map_err(TaskError::from)?;
+        map.apply(update);
         (frames, detections) = (frames + 1, detections + found.items.len());
         progress.at(index as f64);
     }
     bar.finish_and_clear();
-    log.finish(&map).map_err(TaskError::from)?;
+    // A sequence that breaks in the middle leaves no map, and the one that was there before.
+    save_map(&args.out, &map).map_err(TaskError::from)?;
     let (objects, relations, rooms) = (map.stable_objects().count(), map.relations.len(), map.rooms.len());
     let built = Built { frames, detections, source, objects, relations, rooms };
     Output::new(args.result).give(&built, || {

@@ -2,7 +2,7 @@
 
 use super::{OutArgs, ResultArgs};
 use crate::error::TaskError;
-use dsm::store::write_atomically;
+use dsm::store::{WholeFile, write_atomically};
 use serde::Serialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -44,6 +44,11 @@ pub(super) fn print(text: &str) -> Result<(), TaskError> {
         }
         _ => Ok(()),
     }
+}
+
+/// Checks that a file can be written where it is wanted, so that no work is lost in the end.
+pub(super) fn check_file(path: &Path) -> Result<(), TaskError> {
+    WholeFile::create(path).map(drop).map_err(TaskError::from)
 }
 
 /// Prepares an output folder: it must be empty or new unless forced.

@@ -1,13 +1,13 @@
 //! `dsm record EPISODE`: run an episode and keep what its map was made of.
 
-use super::output::prepare_folder;
+use super::output::{check_file, prepare_folder};
 use super::run::{
     BarProgress, catch_interrupt, describe, exit_code, prepare, progress_bar, run_taped_and_write, set_threads,
 };
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::error::TaskError;
-use crate::journal::Journal;
 use crate::perception::Tape;
+use crate::recording::{RecordingFile, record_into};
 use crate::sequence::SequenceRecorder;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -32,6 +32,9 @@ pub struct RecordArgs {
     /// commands, margins and events. Needs the feature `mcap`.
     #[arg(long, value_name = "FILE")]
     mcap: Option<PathBuf>,
+    /// Also write the same as a recording for the Rerun viewer (.rrd). Needs the feature `rerun`.
+    #[arg(long, value_name = "FILE")]
+    rerun: Option<PathBuf>,
     #[command(flatten)]
     result: ResultArgs,
 }
@@ -41,25 +44,47 @@ pub(super) fn run(args: RecordArgs) -> anyhow::Result<u8> {
     let (spec, settings) = prepare(&args.episode, &args.world)?;
     set_threads(settings.threads.value)?;
     crate::assemble::check(&spec)?;
-    if args.mcap.is_some() && !cfg!(feature = "mcap") {
-        return Err(not_built_in().into());
-    }
     let default = Path::new("out").join(format!("{}-{}-sequence", spec.name, spec.seed));
-    let folder = prepare_folder(&OutArgs { out: args.out, force: args.force }, &default)?;
+    let folder = args.out.unwrap_or(default);
+    let asked = [("mcap", args.mcap, MCAP), ("rerun", args.rerun, RERUN)];
+    let mut wanted: Vec<(PathBuf, Create)> = Vec::new();
+    for (name, path, create) in asked {
+        match (path, create) {
+            (None, _) => {}
+            (Some(path), Some(create)) => {
+                // A file in the run's own folder can be checked when that is there.
+                if path.parent().is_some_and(|parent| parent != folder) {
+                    check_file(&path)?;
+                }
+                wanted.push((path, create));
+            }
+            (Some(_), None) => {
+                let hint = format!("build with `--features {name}`");
+                return Err(TaskError::NotBuiltIn { feature: format!("--{name}"), hint }.into());
+            }
+        }
+    }
+    if let [(first, _), (second, _)] = &wanted[..]
+        && first == second
+    {
+        return Err(TaskError::Usage(format!("{}: two recordings cannot be one file", first.display())).into());
+    }
+    let folder = prepare_folder(&OutArgs { out: Some(folder.clone()), force: args.force }, &folder)?;
     let source = format!("episode {} with seed {}", spec.name, spec.seed);
     let mut tapes: Vec<Box<dyn Tape>> = vec![Box::new(SequenceRecorder::begin(&folder, &source, args.exact_depth)?)];
-    let mut endings: Vec<Ending> = Vec::new();
-    if let Some(path) = &args.mcap {
-        let (tape, ending) = mcap_tape(path)?;
-        tapes.push(tape);
-        endings.push(ending);
+    let of = format!("{source}, {}, {}, {}, {} s", spec.robot, spec.physics, spec.perception, spec.time_limit_s);
+    let mut rests = Vec::new();
+    for (path, create) in wanted {
+        let (tape, rest) = record_into(create(&path, &of)?);
+        tapes.push(Box::new(tape));
+        rests.push(rest);
     }
     let interrupted = catch_interrupt()?;
     let bar = progress_bar(spec.time_limit_s);
     let progress = Box::new(BarProgress { bar: bar.clone() });
     let finished = run_taped_and_write(&spec, &folder, tapes, interrupted.clone(), progress)?;
-    for end in endings {
-        end(&finished.journal)?;
+    for rest in rests {
+        rest.write(&finished.journal)?;
     }
     bar.finish_and_clear();
     let summary = finished.summary;
@@ -67,20 +92,15 @@ pub(super) fn run(args: RecordArgs) -> anyhow::Result<u8> {
     Ok(exit_code(&summary, interrupted.load(Ordering::Relaxed)))
 }
 
-/// Brings a recording to its end with what the robot noted itself.
-type Ending = Box<dyn FnOnce(&Journal) -> Result<(), TaskError>>;
+/// Creates a recording of a run, which is told in words.
+type Create = fn(&Path, &str) -> Result<Box<dyn RecordingFile>, TaskError>;
 
 #[cfg(feature = "mcap")]
-fn mcap_tape(path: &Path) -> Result<(Box<dyn Tape>, Ending), TaskError> {
-    let (tape, rest) = crate::mcap_tape::create(path)?;
-    Ok((Box::new(tape), Box::new(move |journal| rest.write(journal))))
-}
-
+const MCAP: Option<Create> = Some(|path, _| Ok(Box::new(crate::mcap_file::create(path)?)));
 #[cfg(not(feature = "mcap"))]
-fn mcap_tape(_: &Path) -> Result<(Box<dyn Tape>, Ending), TaskError> {
-    Err(not_built_in())
-}
+const MCAP: Option<Create> = None;
 
-fn not_built_in() -> TaskError {
-    TaskError::NotBuiltIn { feature: "--mcap".into(), hint: "build with `--features mcap`".into() }
-}
+#[cfg(feature = "rerun")]
+const RERUN: Option<Create> = Some(|path, of| Ok(Box::new(crate::rerun_file::create(path, of)?)));
+#[cfg(not(feature = "rerun"))]
+const RERUN: Option<Create> = None;

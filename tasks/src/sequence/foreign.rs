@@ -14,7 +14,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Stamps of TUM's files belong together when they are this close, seconds (as its own tool has it).
+/// Stamps of TUM's files belong together when they are closer than this, seconds (as its own `associate.py` has it).
 const TOGETHER_S: f64 = 0.02;
 /// TUM's default camera (fx, fy, cx, cy) and units of depth in a metre.
 const TUM_CAMERA: [f64; 4] = [525.0, 525.0, 319.5, 239.5];
@@ -75,7 +75,9 @@ fn stamped(path: &Path) -> Result<Vec<(f64, Vec<String>)>, TaskError> {
     let text = read_text(path)?;
     let mut rows = Vec::new();
     for (index, row) in text.lines().enumerate().filter(|(_, row)| !row.trim().is_empty() && !row.starts_with('#')) {
-        let mut words = row.split_whitespace().map(str::to_owned);
+        // Commas are as good as blanks there.
+        let words = row.split(|c: char| c.is_whitespace() || c == ',');
+        let mut words = words.filter(|word| !word.is_empty()).map(str::to_owned);
         let stamp: Option<f64> =
             words.next().and_then(|word| word.parse().ok()).filter(|stamp: &f64| stamp.is_finite());
         let stamp = stamp.ok_or_else(|| {
@@ -87,11 +89,30 @@ fn stamped(path: &Path) -> Result<Vec<(f64, Vec<String>)>, TaskError> {
     Ok(rows)
 }
 
+/// The row closest to a stamp, when it is close enough.
 fn closest(rows: &[(f64, Vec<String>)], stamp: f64) -> Option<&(f64, Vec<String>)> {
     let after = rows.partition_point(|row| row.0 < stamp);
     let around = rows[after.saturating_sub(1)..(after + 1).min(rows.len())].iter();
     let best = around.min_by(|a, b| (a.0 - stamp).abs().total_cmp(&(b.0 - stamp).abs()))?;
-    ((best.0 - stamp).abs() <= TOGETHER_S).then_some(best)
+    ((best.0 - stamp).abs() < TOGETHER_S).then_some(best)
+}
+
+/// Pairs of places in two lists of stamps in order: the closest first, none twice. So TUM's `associate.py` joins images.
+fn associate(first: &[f64], second: &[f64]) -> Vec<(usize, usize)> {
+    let near = |(i, a): (usize, &f64)| {
+        let begin = second.partition_point(|b| *b <= a - TOGETHER_S);
+        let rest = second[begin..].iter().enumerate().take_while(move |(_, b)| **b < a + TOGETHER_S);
+        rest.map(|(j, b)| ((a - b).abs(), i, begin + j)).collect::<Vec<_>>()
+    };
+    let mut candidates: Vec<(f64, usize, usize)> = first.iter().enumerate().flat_map(near).collect();
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    let (mut partner, mut free) = (vec![None; first.len()], vec![true; second.len()]);
+    for (_, i, j) in candidates {
+        if partner[i].is_none() && free[j] {
+            (partner[i], free[j]) = (Some(j), false);
+        }
+    }
+    partner.into_iter().enumerate().filter_map(|(i, j)| Some((i, j?))).collect()
 }
 
 pub(super) fn tum(folder: &Path, options: Options) -> Result<Lines, TaskError> {
@@ -99,21 +120,25 @@ pub(super) fn tum(folder: &Path, options: Options) -> Result<Lines, TaskError> {
     let (rgb, depth, truth) = (rgb?, depth?, truth?);
     let begin = rgb.first().map_or(0.0, |row| row.0);
     let model = model(options.camera.unwrap_or(TUM_CAMERA));
+    let stamps = |rows: &[(f64, Vec<String>)]| rows.iter().map(|row| row.0).collect::<Vec<_>>();
     let mut lines = Vec::new();
-    for (stamp, names) in &rgb {
-        let (Some((_, depth)), Some((_, pose))) = (closest(&depth, *stamp), closest(&truth, *stamp)) else { continue };
+    for (color, depth) in associate(&stamps(&rgb), &stamps(&depth)).into_iter().map(|(i, j)| (&rgb[i], &depth[j])) {
+        let Some((_, pose)) = closest(&truth, color.0) else { continue };
         let path = folder.join("groundtruth.txt");
         let values: Vec<f64> = pose.iter().map_while(|word| word.parse().ok()).collect();
         let [x, y, z, i, j, k, w] = values[..] else {
             return Err(wrong(&path, "expected `time tx ty tz qx qy qz qw`"));
         };
+        if !values.iter().all(|value| value.is_finite()) {
+            return Err(wrong(&path, "a pose is not finite"));
+        }
         let rotation = UnitQuaternion::try_new(Quaternion::new(w, i, j, k), 1e-6);
         let rotation = rotation.ok_or_else(|| wrong(&path, "a quaternion has no length"))?;
         let pose = Pose::from_parts(Translation3::new(x, y, z), rotation);
-        let (Some(color), Some(depth)) = (names.first(), depth.first()) else {
-            return Err(wrong(&folder.join("rgb.txt"), "expected `time file`"));
+        let at = Stamp::from_s(color.0 - begin);
+        let [Some(color), Some(depth)] = [color, depth].map(|row| row.1.first()) else {
+            return Err(wrong(&folder.join("rgb.txt"), "expected `time file`, as in depth.txt"));
         };
-        let at = Stamp::from_s(stamp - begin);
         lines.push(line(lines.len(), at, model, pose, color.clone(), depth.clone()));
     }
     Ok((lines, 1e3 / options.depth_scale.unwrap_or(TUM_DEPTH_SCALE)))
@@ -190,4 +215,21 @@ fn numbered(folder: &Path, prefix: &str) -> Result<BTreeMap<usize, String>, Task
         Some((digits, name))
     };
     Ok(names.filter_map(number).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: images are joined as TUM's own tool joins them.
+    use super::*;
+
+    #[test]
+    fn the_closest_are_joined_first_and_none_twice() {
+        // Two colour images want the depth image at 10.011; the closer one has it.
+        assert_eq!(associate(&[10.0, 10.01, 10.05], &[10.011, 10.069]), [(1, 0), (2, 1)]);
+        // The other takes the next one within reach.
+        assert_eq!(associate(&[10.0, 10.01], &[9.985, 10.009]), [(0, 0), (1, 1)]);
+        // As far as the tolerance is too far.
+        assert_eq!(associate(&[1.0], &[1.0 + TOGETHER_S]), []);
+        assert_eq!(associate(&[], &[1.0]), []);
+    }
 }

@@ -62,6 +62,9 @@ impl Sequence {
     /// # Errors
     /// [`TaskError`]: no known layout, or a file in it that cannot be read, with file and line.
     pub fn open(folder: &Path, layout: Option<Layout>, options: Options) -> Result<Self, TaskError> {
+        if !folder.is_dir() {
+            return Err(TaskError::Usage(format!("{}: no such folder", folder.display())));
+        }
         let has = |name: &str| folder.join(name).exists();
         let layout = match layout {
             Some(layout) => layout,

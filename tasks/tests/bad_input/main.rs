@@ -12,3 +12,4 @@ mod maps;
 mod robots;
 mod scenes;
 mod segmentation;
+mod sequences;

@@ -5,8 +5,8 @@ use crate::geometry::{Aabb, OrientedBox};
 use crate::ground::{GroundConfig, Grounder, Grounding};
 use crate::knowledge::Knowledge;
 use crate::map::{
-    AttributeKind, Attributes, Map, MapChange, MapObject, MapPoint, MapUpdate, ObjectId, ObjectState, Relation,
-    RelationKind, Room, RoomId, Votes,
+    AttributeKind, Map, MapChange, MapObject, MapPoint, MapUpdate, ObjectId, ObjectState, Relation, RelationKind, Room,
+    RoomId, Votes,
 };
 use crate::time::Stamp;
 use nalgebra::{Point2, Point3};
@@ -21,21 +21,7 @@ pub(in crate::ground) fn thing(id: u64, name: &str, center: [f64; 3], size: [f64
     names.add(name, 9.0);
     let half = nalgebra::Vector3::from(size) * 0.5;
     let bounds = Aabb { min: Point3::from(center) - half, max: Point3::from(center) + half };
-    Thing(MapObject {
-        id: ObjectId(id),
-        state: ObjectState::Stable,
-        names,
-        points: Vec::new(),
-        bounds: OrientedBox::from(bounds),
-        attributes: Attributes::default(),
-        visual_feature: Vec::new(),
-        provenance: Default::default(),
-        text_feature: Vec::new(),
-        room: None,
-        observations: 9,
-        first_seen: Stamp::default(),
-        last_seen: Stamp::default(),
-    })
+    Thing(MapObject { observations: 9, ..MapObject::given(ObjectId(id), names, OrientedBox::from(bounds)) })
 }
 
 impl Thing {

@@ -15,63 +15,53 @@
 //! | `/command/arm`, `/command/head` | `foxglove.JointStates` | velocities sent, when they changed |
 //! | `/margins` | `dsm.Margins` | clearance, speed, and how the arm's controller stands; ten times a second |
 //! | `/log` | `foxglove.Log` | events |
-//!
-//! The last five are written when the run has ended, by their own stamps: what two threads note is in one order.
 
 use crate::error::TaskError;
-use crate::journal::{Journal, SentCommands};
-use crate::perception::{Tape, Taped};
+use crate::journal::Sample;
 use crate::picture::{color_png, depth_mm_png};
+use crate::recording::{Association, RecordingFile, mean_color, opacity};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use dsm::Pose;
-use dsm::map::{Map, MapChange, MapObject, ObjectId, ObjectState};
-use dsm::store::StoreError;
+use dsm::frame::RgbdFrame;
+use dsm::map::{MapObject, ObjectId};
+use dsm::perceive::Detections;
+use dsm::store::{StoreError, WholeFile};
 use dsm::time::Stamp;
+use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
 use mcap::Writer;
 use mcap::records::MessageHeader;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, Sender, channel};
 
 /// An MCAP file that is being written.
-struct McapFile {
+pub struct McapFile {
     path: PathBuf,
-    writer: Writer<BufWriter<File>>,
+    writer: Writer<BufWriter<WholeFile>>,
     channels: BTreeMap<String, u16>,
     sequence: u32,
 }
-
-/// Records what mapping does.
-pub struct McapTape {
-    file: McapFile,
-    ended: Sender<McapFile>,
-}
-
-/// What remains to be written of a file when its tape has ended.
-pub struct McapRest(Receiver<McapFile>);
 
 /// Creates a file.
 ///
 /// # Errors
 /// [`TaskError::Store`]: it cannot be written.
-pub fn create(path: &Path) -> Result<(McapTape, McapRest), TaskError> {
-    let io = |source| StoreError::Io { path: path.to_owned(), source };
-    let file = File::create(path).map_err(io)?;
-    let writer = Writer::new(BufWriter::new(file)).map_err(|error| io(std::io::Error::other(error)))?;
-    let file = McapFile { path: path.to_owned(), writer, channels: BTreeMap::new(), sequence: 0 };
-    let (ended, rest) = channel();
-    Ok((McapTape { file, ended }, McapRest(rest)))
+pub fn create(path: &Path) -> Result<McapFile, TaskError> {
+    let writer = Writer::new(BufWriter::new(WholeFile::create(path)?));
+    let writer = writer.map_err(|error| failed(path, error))?;
+    Ok(McapFile { path: path.to_owned(), writer, channels: BTreeMap::new(), sequence: 0 })
+}
+
+fn failed(path: &Path, error: impl std::error::Error + Send + Sync + 'static) -> StoreError {
+    StoreError::Io { path: path.to_owned(), source: std::io::Error::other(error) }
 }
 
 impl McapFile {
     fn write(&mut self, topic: &str, schema: &str, stamp: Stamp, message: &Value) -> Result<(), StoreError> {
-        self.try_write(topic, schema, stamp, message)
-            .map_err(|error| StoreError::Io { path: self.path.clone(), source: std::io::Error::other(error) })
+        self.try_write(topic, schema, stamp, message).map_err(|error| failed(&self.path, error))
     }
 
     fn try_write(&mut self, topic: &str, schema: &str, stamp: Stamp, message: &Value) -> mcap::McapResult<()> {
@@ -92,16 +82,14 @@ impl McapFile {
     }
 }
 
-impl Tape for McapTape {
-    fn record(&mut self, taped: &Taped<'_>) -> Result<(), StoreError> {
-        let Taped { frame, detections, associations, update, map, .. } = taped;
-        let file = &mut self.file;
+impl RecordingFile for McapFile {
+    fn frame(&mut self, frame: &RgbdFrame, found: &Detections, taken: &[Association<'_>]) -> Result<(), StoreError> {
         let (stamp, model) = (frame.stamp, &frame.model);
         let (camera, timestamp) = (format!("{}_camera", frame.camera), time(stamp));
         let topic = |what: &str| format!("/camera/{}/{what}", frame.camera);
         let image = |png: Vec<u8>| json!({"timestamp": timestamp, "frame_id": camera, "format": "png", "data": STANDARD.encode(png)});
-        file.write(&topic("color"), "foxglove.CompressedImage", stamp, &image(color_png(frame)))?;
-        file.write(&topic("depth"), "foxglove.CompressedImage", stamp, &image(depth_mm_png(frame)))?;
+        self.write(&topic("color"), "foxglove.CompressedImage", stamp, &image(color_png(frame)))?;
+        self.write(&topic("depth"), "foxglove.CompressedImage", stamp, &image(depth_mm_png(frame)))?;
         // Foxglove counts pixels from the middle of the first.
         let (cx, cy) = (model.cx - 0.5, model.cy - 0.5);
         let calibration = json!({
@@ -111,9 +99,9 @@ impl Tape for McapTape {
             "R": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
             "P": [model.fx, 0.0, cx, 0.0, 0.0, model.fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
         });
-        file.write(&topic("calibration"), "foxglove.CameraCalibration", stamp, &calibration)?;
+        self.write(&topic("calibration"), "foxglove.CameraCalibration", stamp, &calibration)?;
         let (mut rectangles, mut texts) = (Vec::new(), Vec::new());
-        for item in &detections.items {
+        for item in &found.items {
             let Some((left, top, right, bottom)) = item.mask.find_bounds() else { continue };
             let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
             let points: Vec<Value> = corners.iter().map(|(x, y)| json!({"x": x, "y": y})).collect();
@@ -126,121 +114,84 @@ impl Tape for McapTape {
             );
         }
         let annotations = json!({"circles": [], "points": rectangles, "texts": texts});
-        file.write(&topic("detections"), "foxglove.ImageAnnotations", stamp, &annotations)?;
+        self.write(&topic("detections"), "foxglove.ImageAnnotations", stamp, &annotations)?;
         let Pose { translation, rotation } = frame.world_from_camera;
         let transform = json!({"timestamp": timestamp, "parent_frame_id": "world", "child_frame_id": camera,
             "translation": vector(translation.vector.into()), "rotation": quaternion(rotation.coords.into())});
-        file.write("/tf", "foxglove.FrameTransform", stamp, &transform)?;
-        let named = |(place, object): &(usize, ObjectId)| {
-            let name = detections.items.get(*place).map_or("", |item| item.name.as_str());
-            json!({"detection": place, "name": name, "object": object.0})
-        };
-        let items: Vec<Value> = associations.iter().map(named).collect();
-        let taken = json!({"timestamp": timestamp, "frame_id": camera, "items": items});
-        file.write(&topic("associations"), "dsm.Associations", stamp, &taken)?;
-        let (mut entities, mut deletions) = (BTreeMap::new(), Vec::new());
-        for change in &update.changes {
-            match change {
-                MapChange::Put(object) if map.objects.contains_key(&object.id) => {
-                    entities.insert(object.id, entity(object, &timestamp));
-                }
-                MapChange::Remove(id, _) => {
-                    deletions.push(json!({"timestamp": timestamp, "type": 0, "id": id.0.to_string()}));
-                }
-                _ => {}
-            }
-        }
-        if entities.is_empty() && deletions.is_empty() {
-            return Ok(());
-        }
-        let entities: Vec<Value> = entities.into_values().collect();
-        file.write("/map", "foxglove.SceneUpdate", stamp, &json!({"deletions": deletions, "entities": entities}))
+        self.write("/tf", "foxglove.FrameTransform", stamp, &transform)?;
+        let named =
+            |item: &Association<'_>| json!({"detection": item.detection, "name": item.name, "object": item.object.0});
+        let items: Vec<Value> = taken.iter().map(named).collect();
+        let message = json!({"timestamp": timestamp, "frame_id": camera, "items": items});
+        self.write(&topic("associations"), "dsm.Associations", stamp, &message)
     }
 
-    fn finish(self: Box<Self>, _: &Map) -> Result<(), StoreError> {
-        // Nobody waits for it when the run failed.
-        let _ = self.ended.send(self.file);
-        Ok(())
+    fn map(&mut self, stamp: Stamp, put: &[&MapObject], removed: &[ObjectId]) -> Result<(), StoreError> {
+        let timestamp = time(stamp);
+        let entities: Vec<Value> = put.iter().map(|object| entity(object, &timestamp)).collect();
+        let deletion = |id: &ObjectId| json!({"timestamp": timestamp, "type": 0, "id": id.0.to_string()});
+        let deletions: Vec<Value> = removed.iter().map(deletion).collect();
+        self.write("/map", "foxglove.SceneUpdate", stamp, &json!({"deletions": deletions, "entities": entities}))
     }
-}
 
-impl McapRest {
-    /// Writes what the robot noted, and closes the file.
-    ///
-    /// # Errors
-    /// [`TaskError`]: it cannot be written, or its tape did not end.
-    pub fn write(self, journal: &Journal) -> Result<(), TaskError> {
-        let mut file = self.0.recv().map_err(|_| TaskError::Internal("the recording broke off".into()))?;
-        let pose = |pose: &Pose| json!({"position": vector(pose.translation.vector.into()), "orientation": quaternion(pose.rotation.coords.into())});
-        for (stamp, base) in &journal.bases {
-            let message = json!({"timestamp": time(*stamp), "frame_id": "world", "pose": pose(base)});
-            file.write("/base", "foxglove.PoseInFrame", *stamp, &message)?;
-        }
-        if let Some((stamp, _)) = journal.bases.last() {
-            let poses: Vec<Value> = journal.bases.iter().map(|(_, base)| pose(base)).collect();
-            let message = json!({"timestamp": time(*stamp), "frame_id": "world", "poses": poses});
-            file.write("/path", "foxglove.PosesInFrame", *stamp, &message)?;
-        }
-        write_commands(&mut file, journal.commands.as_deref().unwrap_or_default())?;
-        for sample in &journal.samples {
-            let control = sample.control;
-            let message = json!({"timestamp": time(sample.stamp), "clearance_m": sample.clearance_m,
-                "speed_m_per_s": sample.speed_m_per_s, "control_error": control.map(|c| c.error),
-                "control_distance_m": control.and_then(|c| c.distance_m),
-                "active_rows": control.map(|c| c.active_rows)});
-            file.write("/margins", "dsm.Margins", sample.stamp, &message)?;
-        }
-        for event in &journal.events {
-            const INFO: u8 = 2;
-            let stamp = Stamp::from_s(event.at_s);
-            let message = json!({"timestamp": time(stamp), "level": INFO, "message": event.what, "name": "dsm",
-                "file": "", "line": 0});
-            file.write("/log", "foxglove.Log", stamp, &message)?;
-        }
-        let finished = file.writer.finish().map(drop);
-        finished.map_err(|error| StoreError::Io { path: file.path, source: std::io::Error::other(error) }.into())
+    fn base(&mut self, stamp: Stamp, world_from_base: &Pose) -> Result<(), StoreError> {
+        let message = json!({"timestamp": time(stamp), "frame_id": "world", "pose": pose(world_from_base)});
+        self.write("/base", "foxglove.PoseInFrame", stamp, &message)
     }
-}
 
-/// What was sent to each part, when it changed.
-fn write_commands(file: &mut McapFile, commands: &[SentCommands]) -> Result<(), StoreError> {
-    let joints = |sent: &SentCommands, velocities: &JointVelocities| {
-        let joints: Vec<Value> =
-            velocities.iter().map(|(name, velocity)| json!({"name": name, "velocity": velocity})).collect();
-        json!({"timestamp": time(sent.stamp), "joints": joints})
-    };
-    for (index, sent) in commands.iter().enumerate() {
-        let before = index.checked_sub(1).map(|before| &commands[before]);
-        if before.is_none_or(|before| before.base != sent.base) {
-            let message = json!({"timestamp": time(sent.stamp), "forward_m_per_s": sent.base.forward_m_per_s,
-                "turn_rad_per_s": sent.base.turn_rad_per_s});
-            file.write("/command/base", "dsm.BaseCommand", sent.stamp, &message)?;
-        }
-        if before.is_none_or(|before| before.arm != sent.arm) {
-            file.write("/command/arm", "foxglove.JointStates", sent.stamp, &joints(sent, &sent.arm))?;
-        }
-        if before.is_none_or(|before| before.head != sent.head) {
-            file.write("/command/head", "foxglove.JointStates", sent.stamp, &joints(sent, &sent.head))?;
-        }
-        if let Some((width_m, force_n)) = sent.gripper
-            && before.is_none_or(|before| before.gripper != sent.gripper)
-        {
-            let message = json!({"timestamp": time(sent.stamp), "width_m": width_m, "force_n": force_n});
-            file.write("/command/gripper", "dsm.GripperCommand", sent.stamp, &message)?;
-        }
+    fn path(&mut self, stamp: Stamp, bases: &[(Stamp, Pose)]) -> Result<(), StoreError> {
+        let poses: Vec<Value> = bases.iter().map(|(_, base)| pose(base)).collect();
+        let message = json!({"timestamp": time(stamp), "frame_id": "world", "poses": poses});
+        self.write("/path", "foxglove.PosesInFrame", stamp, &message)
     }
-    Ok(())
+
+    fn base_command(&mut self, stamp: Stamp, twist: Twist) -> Result<(), StoreError> {
+        let message = json!({"timestamp": time(stamp), "forward_m_per_s": twist.forward_m_per_s,
+            "turn_rad_per_s": twist.turn_rad_per_s});
+        self.write("/command/base", "dsm.BaseCommand", stamp, &message)
+    }
+
+    fn joint_command(&mut self, stamp: Stamp, part: &str, velocities: &JointVelocities) -> Result<(), StoreError> {
+        let joint = |(name, velocity)| json!({"name": name, "velocity": velocity});
+        let joints: Vec<Value> = velocities.iter().map(joint).collect();
+        let message = json!({"timestamp": time(stamp), "joints": joints});
+        self.write(&format!("/command/{part}"), "foxglove.JointStates", stamp, &message)
+    }
+
+    fn gripper_command(&mut self, stamp: Stamp, width_m: f64, force_n: f64) -> Result<(), StoreError> {
+        let message = json!({"timestamp": time(stamp), "width_m": width_m, "force_n": force_n});
+        self.write("/command/gripper", "dsm.GripperCommand", stamp, &message)
+    }
+
+    fn margins(&mut self, sample: &Sample) -> Result<(), StoreError> {
+        let control = sample.control;
+        let message = json!({"timestamp": time(sample.stamp), "clearance_m": sample.clearance_m,
+            "speed_m_per_s": sample.speed_m_per_s, "control_error": control.map(|c| c.error),
+            "control_distance_m": control.and_then(|c| c.distance_m),
+            "active_rows": control.map(|c| c.active_rows)});
+        self.write("/margins", "dsm.Margins", sample.stamp, &message)
+    }
+
+    fn event(&mut self, stamp: Stamp, what: &str) -> Result<(), StoreError> {
+        const INFO: u8 = 2;
+        let message = json!({"timestamp": time(stamp), "level": INFO, "message": what, "name": "dsm",
+            "file": "", "line": 0});
+        self.write("/log", "foxglove.Log", stamp, &message)
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<(), StoreError> {
+        self.writer.finish().map_err(|error| failed(&self.path, error))?;
+        let file = self.writer.into_inner().into_inner().map_err(|error| failed(&self.path, error.into_error()))?;
+        file.finish()
+    }
 }
 
 fn entity(object: &MapObject, timestamp: &Value) -> Value {
     let b = &object.bounds;
-    let count = object.points.len().max(1) as f64;
-    let mean = |k: usize| object.points.iter().map(|point| f64::from(point.color[k])).sum::<f64>() / count / 255.0;
-    // What is not confirmed yet is fainter.
-    let alpha = if object.state == ObjectState::Stable { 0.6 } else { 0.2 };
+    let [red, green, blue] = mean_color(object);
     let pose = json!({"position": vector(b.center.coords.into()), "orientation": quaternion(b.rotation.coords.into())});
     let cube = json!({"pose": pose, "size": vector(b.size.into()),
-        "color": {"r": mean(0), "g": mean(1), "b": mean(2), "a": alpha}});
+        "color": {"r": red, "g": green, "b": blue, "a": opacity(object)}});
     let above = json!({"position": vector([b.center.x, b.center.y, b.top_m() + 0.05]),
         "orientation": quaternion([0.0, 0.0, 0.0, 1.0])});
     let text = json!({"pose": above, "billboard": true, "font_size": 0.05, "scale_invariant": false,
@@ -256,6 +207,10 @@ fn entity(object: &MapObject, timestamp: &Value) -> Value {
 fn time(stamp: Stamp) -> Value {
     const SECOND: i64 = 1_000_000_000;
     json!({"sec": stamp.0.div_euclid(SECOND), "nsec": stamp.0.rem_euclid(SECOND)})
+}
+
+fn pose(pose: &Pose) -> Value {
+    json!({"position": vector(pose.translation.vector.into()), "orientation": quaternion(pose.rotation.coords.into())})
 }
 
 fn vector([x, y, z]: [f64; 3]) -> Value {
