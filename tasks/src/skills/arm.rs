@@ -154,10 +154,6 @@ pub fn fold(agent: &mut Agent, path: &str, obstacles: &[Obstacle]) -> Result<Arm
     move_through(agent, &postures, obstacles)
 }
 
-/// Distance that the hand keeps while its fingers go in among things, slowly, metres: what the planner of grasps asks for.
-/// With the distance that free motions keep, it stopped two centimetres before what stands close to others.
-const AMONG_THINGS_M: f64 = 0.004;
-
 /// A motion of the tool.
 pub struct ToolMove<'a> {
     /// Where the tool shall be, base frame.
@@ -172,6 +168,9 @@ pub struct ToolMove<'a> {
     pub posture: Option<&'a JointPositions>,
     /// Without progress for this long the motion is stuck.
     pub give_up_after: Span,
+    /// Distance kept from obstacles, metres; `None` for that of free motions. Going in to grasp, it is what the planner of
+    /// grasps asked for: with more the hand stops two centimetres before what stands close to others.
+    pub clearance_m: Option<f64>,
 }
 
 /// Moves the tool to a pose in the base frame.
@@ -179,8 +178,8 @@ pub fn move_tool(agent: &mut Agent, motion: &ToolMove<'_>) -> Result<ArmOutcome,
     let model = agent.model().clone();
     let mut config =
         ControllerConfig { max_tool_speed_m_per_s: motion.speed_m_per_s, ..model.settings.control.clone() };
-    if !motion.touching.is_empty() {
-        config.obstacle_stop_m = config.obstacle_stop_m.min(AMONG_THINGS_M);
+    if let Some(clearance_m) = motion.clearance_m {
+        config.obstacle_stop_m = config.obstacle_stop_m.min(clearance_m);
     }
     let mut controller = Controller::new(&model, config);
     if let Some(posture) = motion.posture {

@@ -1,8 +1,8 @@
 //! Where a thing that slipped out of the hand lies: the words that named it ("on the bookshelf") name nothing any more.
 
 use super::explore::look_around;
-use super::grasp::retreat;
 use super::held::Held;
+use super::retreat::retreat;
 use crate::agent::{Agent, Halt};
 use dsm::map::{Map, MapObject, ObjectId};
 use dsm::time::Stamp;

@@ -2,23 +2,23 @@
 
 use super::Outcome;
 use super::approach::{Approach, come_to, find_approach_around, find_approaches};
-use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_tool, move_tool_around};
+use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
 use super::hold::{between_fingers, close, verify};
 use super::obstacles::find_obstacles;
+use super::retreat::retreat;
 use super::target::Target;
 use super::wrist::{center_with_wrist, look_back_m, look_pose};
 use crate::agent::{Agent, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
 use dsm::geometry::OrientedBox;
-use dsm::map::{CellState, Map, ObjectId};
+use dsm::map::{Map, ObjectId};
 use dsm::time::Span;
 use dsm_robot::control::{IkRequest, find_ik};
-use dsm_robot::drivers::Twist;
 use dsm_robot::grasp::{
     ApproachFrom, GraspCandidate, GraspConfig, GraspScene, HandConfig, PlacementConfig, find_placements, plan_grasps,
 };
-use dsm_robot::joints::{JointPositions, JointVelocities};
+use dsm_robot::joints::JointPositions;
 use dsm_robot::model::collision::Obstacle;
 use dsm_robot::model::{Configuration, RobotModel};
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2, Sight, Visibility};
@@ -181,6 +181,7 @@ fn try_grasp(
         speed_m_per_s: settings.free_speed_m_per_s,
         posture: Some(&reach.joints),
         give_up_after: STUCK_AFTER,
+        clearance_m: None,
     };
     let at = reach.grasp.world_from_tool.translation;
     agent.log(format!(
@@ -217,6 +218,7 @@ fn try_grasp(
                 speed_m_per_s: settings.approach_speed_m_per_s,
                 posture: Some(&reach.joints),
                 give_up_after: TOUCHED_AFTER,
+                clearance_m: Some(settings.planner.clearance_m),
             };
             if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &slow)?
                 && (error_m > 0.012 || error_rad > 0.15)
@@ -239,6 +241,7 @@ fn try_grasp(
             speed_m_per_s: settings.approach_speed_m_per_s,
             posture: Some(&reach.joints),
             give_up_after: STUCK_AFTER,
+            clearance_m: None,
         };
         move_tool(agent, &up)?;
         grasp = match center_with_wrist(agent, settings, &grasp, &reach.joints, &world_from_base, support_z_m)? {
@@ -283,6 +286,7 @@ fn lift(
         speed_m_per_s: settings.approach_speed_m_per_s,
         posture: Some(joints),
         give_up_after: STUCK_AFTER,
+        clearance_m: None,
     };
     let lifted = move_tool(agent, &way(up * base_from_grasp))?;
     let ArmOutcome::Stuck { error_m, .. } = lifted else { return Ok(lifted) };
@@ -428,63 +432,4 @@ fn choose_grasp(
             .map(|reach| (reach, scene.support_z_m))
             .ok_or_else(|| (Stage::Reach, format!("no grasp from here; proposals dropped: {:?}", plan.rejected)))
     })
-}
-
-/// Opens the hand, backs off with arm and base, and folds the arm, best effort.
-pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
-    const BACK_M: f64 = 0.45;
-    const SPEED_M_PER_S: f64 = 0.15;
-    let opening_m = agent.model().settings.gripper.max_aperture_m;
-    agent.grip(opening_m, 10.0);
-    agent.rest(Span::from_s(0.6))?;
-    let model = agent.model().clone();
-    let configuration = agent.configuration()?;
-    let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
-    let world_from_base = agent.world_from_base()?;
-    let obstacles = find_obstacles(agent.map(), &world_from_base, None);
-    let fingers = finger_links(agent.model());
-    let back = ToolMove {
-        goal: Translation3::new(0.0, 0.0, 0.06) * base_from_tool * Translation3::new(0.0, 0.0, -0.08),
-        obstacles: &obstacles,
-        touching: &fingers,
-        speed_m_per_s: 0.15,
-        posture: None,
-        give_up_after: STUCK_AFTER,
-    };
-    move_tool(agent, &back)?;
-    back_off(agent, BACK_M, SPEED_M_PER_S)?;
-    let world_from_base = agent.world_from_base()?;
-    let obstacles = find_obstacles(agent.map(), &world_from_base, None);
-    fold(agent, UNFOLD, &obstacles)?;
-    Ok(())
-}
-
-/// Drives straight back, as far as the map says that there is floor.
-pub(super) fn back_off(agent: &mut Agent, distance_m: f64, speed_m_per_s: f64) -> Result<(), Halt> {
-    /// Floor that must be left behind the base: localisation wanders by 3 cm, and braking takes one.
-    const GAP_M: f64 = 0.06;
-    let still = JointVelocities::zeros(&agent.model().arm.joints);
-    let start = agent.odom_from_base()?;
-    let radius_m = agent.model().settings.base.footprint_radius_m;
-    let begin = agent.now();
-    // Beside things the arm slows the base.
-    while (agent.now() - begin).as_s() < 3.0 * distance_m / speed_m_per_s {
-        let gone_m = (agent.odom_from_base()?.translation.vector - start.translation.vector).norm();
-        let world_from_base = agent.world_from_base()?;
-        let map = agent.map();
-        let is_floor = |angle_rad: f64| {
-            let reach_m = radius_m + GAP_M;
-            let behind = world_from_base * Point3::new(-reach_m * angle_rad.cos(), reach_m * angle_rad.sin(), 0.0);
-            map.free_space.state_at(&behind.xy()) == CellState::Free
-        };
-        // All that the base sweeps, every few centimetres.
-        let free = (-6..=6).all(|i| is_floor(f64::from(i) * 0.18));
-        if gone_m >= distance_m || !free || agent.take_touch() {
-            break;
-        }
-        // Braking in time: v <= sqrt(2 a d).
-        let speed = speed_m_per_s.min((2.0 * 0.3 * (distance_m - gone_m)).sqrt()).max(0.03);
-        agent.tick(Twist { forward_m_per_s: -speed, turn_rad_per_s: 0.0 }, &still)?;
-    }
-    agent.rest(Span::from_s(0.3))
 }

@@ -3,9 +3,10 @@
 use super::Outcome;
 use super::arm::{ArmOutcome, move_joints_around, move_through};
 use super::carry::find_carry;
-use super::grasp::{GraspSettings, back_off};
+use super::grasp::GraspSettings;
 use super::obstacles::find_obstacles;
 use super::place::stands_around;
+use super::retreat::back_off;
 use super::spots::Load;
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;

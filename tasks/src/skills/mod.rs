@@ -13,6 +13,7 @@ mod hold;
 pub mod navigate;
 pub mod obstacles;
 pub mod place;
+pub mod retreat;
 pub mod search;
 mod seen;
 pub mod spots;

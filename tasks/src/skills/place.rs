@@ -3,9 +3,10 @@
 use super::Outcome;
 use super::approach::{Approach, come_to, find_approach_around, find_approaches};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
-use super::grasp::{GraspSettings, finger_links, retreat, seeds};
+use super::grasp::{GraspSettings, finger_links, seeds};
 use super::held::{Held, carry, carrying, obstacles_but_held};
 use super::navigate::navigate_to_object;
+use super::retreat::retreat;
 use super::seen::{find_put_down, look_from_aside};
 use super::spots::{Spot, find_spots};
 use crate::agent::{Agent, Gaze, Halt};
@@ -135,6 +136,7 @@ fn try_place(
             speed_m_per_s,
             posture: Some(&joints),
             give_up_after: STUCK_AFTER,
+            clearance_m: None,
         };
         if let ArmOutcome::Stuck { error_m, error_rad } = move_tool_around(agent, &way, (tolerance_m, 0.2))?
             && (error_m > tolerance_m || error_rad > 0.2)
@@ -161,6 +163,7 @@ fn try_place(
         speed_m_per_s: settings.approach_speed_m_per_s,
         posture: None,
         give_up_after: STUCK_AFTER,
+        clearance_m: None,
     };
     move_tool(agent, &back)?;
     agent.hold(None);
