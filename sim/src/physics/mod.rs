@@ -173,7 +173,7 @@ pub enum PhysicsError {
 }
 
 /// Parameters of rapier. The defaults were measured by `examples/spike.rs`: the cheapest setting that holds every object
-/// of the table with less than 5 mm of slip and 5 degrees of turning between the pads, and 0.5 mm of tool error.
+/// of the table with less than 6 mm of slip, 5 degrees of turning between the pads and 0.5 mm of tool error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhysicsConfig {
     /// Length of a step; default 5 ms, range 0.5 to 5 ms. A multiple of it must make the control period.
