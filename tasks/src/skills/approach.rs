@@ -83,47 +83,44 @@ pub(super) fn come_to(
     Ok(Ok(()))
 }
 
+/// What the plan of an approach reads.
+pub struct Ground<'a> {
+    /// What stands where.
+    pub map: &'a Map,
+    /// The robot.
+    pub model: &'a RobotModel,
+    /// Where the base may drive.
+    pub costmap: &'a Costmap,
+    /// Ways from where the base is.
+    pub field: &'a Field,
+    /// The robot as it drives.
+    pub folded: &'a Configuration,
+    /// What is held is no obstacle; a target that is yet to be grasped is one.
+    pub held: Option<ObjectId>,
+}
+
 /// Finds how to come to the first `wanted` of the `stands` that have room for it with the arm ready, and with the tool at
-/// least at `tool_z_m` above the floor. What is `held` is no obstacle; a target that is yet to be grasped is one.
-#[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
-pub fn find_approaches(
-    map: &Map,
-    model: &RobotModel,
-    costmap: &Costmap,
-    field: &Field,
-    folded: &Configuration,
-    stands: &[Pose2],
-    held: Option<ObjectId>,
-    tool_z_m: f64,
-    wanted: usize,
-) -> Vec<Approach> {
+/// least at `tool_z_m` above the floor.
+pub fn find_approaches(ground: &Ground<'_>, stands: &[Pose2], tool_z_m: f64, wanted: usize) -> Vec<Approach> {
+    let &Ground { model, folded, .. } = ground;
     let unfoldings = find_unfoldings(model, folded);
     let mut unfoldings: Vec<_> =
         unfoldings.into_iter().filter_map(|postures| raised_to(model, folded, postures, tool_z_m)).collect();
     if unfoldings.is_empty() {
         unfoldings.extend(raised_by_arm(model, folded, tool_z_m));
     }
-    let way = |stand: &Pose2| find_approach(map, model, costmap, field, folded, &unfoldings, stand, held);
+    let way = |stand: &Pose2| find_approach(ground, &unfoldings, stand);
     stands.iter().filter_map(way).take(wanted).collect()
 }
 
 /// As [`find_approaches`], for the first of a few stands, with a way of the arm that is planned around what stands there:
 /// between a bed and a wall the arm does not sweep out to its side.
-#[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
-pub fn find_approach_around(
-    map: &Map,
-    model: &RobotModel,
-    costmap: &Costmap,
-    field: &Field,
-    folded: &Configuration,
-    stands: &[Pose2],
-    held: Option<ObjectId>,
-    tool_z_m: f64,
-) -> Option<Approach> {
+pub fn find_approach_around(ground: &Ground<'_>, stands: &[Pose2], tool_z_m: f64) -> Option<Approach> {
     /// Each failure costs the whole search.
     const MAX_STANDS: usize = 3;
     const BACK_M: [f64; 3] = [0.0, 0.25, 0.4];
     const MAX_NODES: usize = 600;
+    let &Ground { map, model, costmap, field, folded, held } = ground;
     let mut ends: Vec<Vec<JointPositions>> = LIFT_SHARES
         .iter()
         .rev()
@@ -174,17 +171,8 @@ fn is_step_free(model: &RobotModel, ready: &Configuration, near_stand: &[Obstacl
     })
 }
 
-#[expect(clippy::too_many_arguments, reason = "all of them are read-only inputs of one plan")]
-fn find_approach(
-    map: &Map,
-    model: &RobotModel,
-    costmap: &Costmap,
-    field: &Field,
-    folded: &Configuration,
-    unfoldings: &[Vec<JointPositions>],
-    stand: &Pose2,
-    held: Option<ObjectId>,
-) -> Option<Approach> {
+fn find_approach(ground: &Ground<'_>, unfoldings: &[Vec<JointPositions>], stand: &Pose2) -> Option<Approach> {
+    let &Ground { map, model, costmap, field, folded, held } = ground;
     let near_stand = find_obstacles(map, &stand.to_pose(), held);
     for back_m in BACK_M {
         let Some(unfold_at) = step_back(costmap, field, stand, back_m) else { continue };
@@ -351,8 +339,9 @@ mod tests {
         let ways = |map: &Map, tool_z_m: f64| {
             let costmap = Costmap::from_free_space(&map.free_space, &CostmapConfig::default());
             let field = Field::from_start(&costmap, &stands[0].position);
-            let swept = find_approaches(map, &model, &costmap, &field, &folded, &stands, None, tool_z_m, 1);
-            (swept, find_approach_around(map, &model, &costmap, &field, &folded, &stands, None, tool_z_m))
+            let ground = Ground { map, model: &model, costmap: &costmap, field: &field, folded: &folded, held: None };
+            let swept = find_approaches(&ground, &stands, tool_z_m, 1);
+            (swept, find_approach_around(&ground, &stands, tool_z_m))
         };
         let (swept, around) = ways(&aisle(), 0.0);
         assert_eq!(swept, Vec::new(), "the arm would sweep through the wall");

@@ -1,7 +1,7 @@
 //! Grasping: choose a place, drive there, look again, reach, look with the wrist camera, close, lift, verify twice.
 
 use super::Outcome;
-use super::approach::{Approach, come_to, find_approach_around, find_approaches};
+use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
 use super::hold::{between_fingers, close, verify};
 use super::obstacles::find_obstacles;
@@ -374,8 +374,10 @@ fn choose_approaches(
         };
         let places = find_placements(&plan.candidates, &costmap, &field, &reach, &settings.placement);
         let stands: Vec<Pose2> = places.into_iter().map(|place| place.base).collect();
-        let approaches = find_approaches(&map, &model, &costmap, &field, &configuration, &stands, None, 0.0, wanted);
-        let around = || find_approach_around(&map, &model, &costmap, &field, &configuration, &stands, None, 0.0);
+        let ground =
+            Ground { map: &map, model: &model, costmap: &costmap, field: &field, folded: &configuration, held: None };
+        let approaches = find_approaches(&ground, &stands, 0.0, wanted);
+        let around = || find_approach_around(&ground, &stands, 0.0);
         let approaches = if approaches.is_empty() { around().into_iter().collect() } else { approaches };
         let tried = format!(
             "{} grasps (dropped: {:?}), {} places that reach one, {} ways there",

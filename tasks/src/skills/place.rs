@@ -1,7 +1,7 @@
 //! Placing: drive to a free spot on a surface, lower what is held, open, retreat, and look.
 
 use super::Outcome;
-use super::approach::{Approach, come_to, find_approach_around, find_approaches};
+use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
 use super::grasp::{GraspSettings, finger_links, seeds};
 use super::held::{Held, carry, carrying, obstacles_but_held};
@@ -247,6 +247,14 @@ fn choose_stands(
     agent.plan(move || {
         let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
         let field = Field::from_start(&costmap, &start);
+        let ground = Ground {
+            map: &map,
+            model: &model,
+            costmap: &costmap,
+            field: &field,
+            folded: &configuration,
+            held: Some(held.id),
+        };
         let spots = apart(find_spots(&map, surface, Some(held.id), &held.load, spare), 0.1, MAX_SPOTS);
         let (spot_count, mut stand_count, mut reach_count, mut way_count) = (spots.len(), 0, 0, 0);
         let mut found = Vec::new();
@@ -265,9 +273,9 @@ fn choose_stands(
             stand_count += stands.len();
             let stands: Vec<Pose2> = stands.into_iter().take(MAX_STANDS).filter(reaches).collect();
             reach_count += stands.len();
-            let (id, over_m) = (Some(held.id), over(&spot));
+            let over_m = over(&spot);
             let approaches =
-                find_approaches(&map, &model, &costmap, &field, &configuration, &stands, id, over_m, 1);
+                find_approaches(&ground, &stands, over_m, 1);
             reached.push((spot, stands));
             way_count += approaches.len();
             found.extend(approaches.into_iter().map(|approach| (spot, approach)));
@@ -277,9 +285,8 @@ fn choose_stands(
         }
         if found.is_empty() {
             let around = |(spot, stands): (Spot, Vec<Pose2>)| {
-                let (id, over_m) = (Some(held.id), over(&spot));
                 let way =
-                    find_approach_around(&map, &model, &costmap, &field, &configuration, &stands, id, over_m)?;
+                    find_approach_around(&ground, &stands, over(&spot))?;
                 Some((spot, way))
             };
             found.extend(reached.into_iter().filter(|(_, stands)| !stands.is_empty()).take(MAX_AROUND).find_map(around));
