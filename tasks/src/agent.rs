@@ -8,7 +8,7 @@ use crate::error::TaskError;
 pub use crate::gaze::Gaze;
 use crate::gaze::View;
 use crate::journal::{Journal, Moment, SentCommands};
-use crate::pace::{Pace, Posture};
+use crate::pace::{Pace, Posture, is_unfolded};
 use crate::perception::Perception;
 use crate::touch::{Motion, Touch};
 use dsm::Pose;
@@ -231,7 +231,7 @@ impl Agent {
             let world_from_base = self.world_from_base()?;
             let (model, held) = (&self.model, self.held.as_ref());
             let posture = Posture { model, configuration: &configuration, world_from_base: &world_from_base, held };
-            self.pace.measure(now, &self.map, &posture);
+            self.pace.measure(now, &self.map, &self.live, &posture);
         }
         Ok(self.pace.share(&self.model, &configuration, base, arm))
     }
@@ -245,6 +245,11 @@ impl Agent {
     pub fn slowed(&mut self, base: Twist) -> Result<Twist, Halt> {
         let still = JointVelocities::zeros(&self.model.arm.joints);
         Ok(scaled(base, self.share_of(base, &still)?))
+    }
+
+    /// Whether the arm would touch something if the base drove on.
+    pub fn is_close_ahead(&self) -> bool {
+        self.pace.is_close_ahead()
     }
 
     /// Notes clearance and margins for the report, when that is due.
@@ -264,6 +269,9 @@ impl Agent {
         let world_from_base = self.world_from_base()?;
         let bodies = self.model.link_boxes(&configuration, &world_from_base);
         self.live.observe(&frame, &bodies, &self.config.live);
+        if is_unfolded(&self.model, &configuration) {
+            self.live.observe_surfaces(&frame, &bodies, &self.config.live);
+        }
         let carrier = Carrier {
             bodies,
             footprint: Some((

@@ -15,9 +15,10 @@ use dsm::map::Map;
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
-use dsm_robot::model::collision::Obstacle;
+use dsm_robot::model::collision::{Obstacle, PairDistance};
 use dsm_robot::model::{Configuration, LinkId, RobotModel};
-use nalgebra::{DVector, Point3, Vector3};
+use dsm_robot::nav::LiveObstacles;
+use nalgebra::{DVector, Point3, Unit, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -25,6 +26,10 @@ use std::sync::Arc;
 const TOUCH_M_PER_S: f64 = 0.07;
 /// Nearer than this a link may touch: localisation wanders by 3 cm, and surfaces are known to one, metres.
 const UNSURE_M: f64 = 0.04;
+/// So near is as near as the base brings the arm, metres: what is measured every tenth of a second at the speed of a touch.
+const CLOSE_M: f64 = 0.015;
+/// What lies farther to the side of a link than this cosine is passed.
+const AHEAD: f64 = 0.3;
 /// Braking that base and arm can count on, m/s^2.
 const BRAKING_M_PER_S2: f64 = 0.5;
 /// What is farther from a link does not slow it, metres.
@@ -41,8 +46,17 @@ const ASKED_EVERY: Span = Span(500_000_000);
 pub struct Pace {
     asked: Option<(Stamp, Pose, Vec<Obstacle>)>,
     measured_at: Option<Stamp>,
-    /// The nearest point of each link that has something near, base frame, and its distance, metres.
-    near: Vec<(LinkId, Point3<f64>, f64)>,
+    near: Vec<Near>,
+}
+
+/// What is next to a link, base frame.
+struct Near {
+    link: LinkId,
+    /// The nearest point of the link.
+    point: Point3<f64>,
+    distance_m: f64,
+    /// From the link to what is near.
+    towards: Unit<Vector3<f64>>,
 }
 
 /// The robot at one moment.
@@ -69,16 +83,16 @@ impl Pace {
     }
 
     /// Looks what is near.
-    pub fn measure(&mut self, now: Stamp, map: &Map, posture: &Posture<'_>) {
+    pub fn measure(&mut self, now: Stamp, map: &Map, live: &LiveObstacles, posture: &Posture<'_>) {
         self.measured_at = Some(now);
         self.near.clear();
         let Posture { model, configuration, world_from_base, held } = posture;
-        if model.radius_m(configuration) <= model.settings.base.footprint_radius_m + FOLDED_M {
+        if !is_unfolded(model, configuration) {
             self.asked = None;
             return;
         }
         if self.asked.as_ref().is_none_or(|(at, _, _)| now - *at >= ASKED_EVERY) {
-            let mut obstacles = find_obstacles(map, world_from_base, None);
+            let mut obstacles = find_obstacles(map, Some(live), world_from_base, None);
             let tool = model.kinematics.root_from_link(configuration, model.tool);
             // What the map still takes for a thing is in the hand.
             obstacles.retain(|obstacle| match obstacle {
@@ -99,21 +113,26 @@ impl Pace {
             &moved
         };
         let poses = model.kinematics.root_from_links(configuration);
-        let mut nearest: BTreeMap<LinkId, (Point3<f64>, f64)> = BTreeMap::new();
+        let mut nearest: BTreeMap<LinkId, Near> = BTreeMap::new();
         for pair in model.collision.obstacle_distances(&poses, obstacles, &model.arm_links(), REACH_M) {
-            let known = nearest.entry(pair.link).or_insert((pair.point_on_link, pair.distance_m));
-            if pair.distance_m < known.1 {
-                *known = (pair.point_on_link, pair.distance_m);
+            let PairDistance { link, point_on_link: point, distance_m, normal_to_other: towards, .. } = pair;
+            if nearest.get(&link).is_none_or(|known| distance_m < known.distance_m) {
+                nearest.insert(link, Near { link, point, distance_m, towards });
             }
         }
-        self.near = nearest.into_iter().map(|(link, (point, distance_m))| (link, point, distance_m)).collect();
+        self.near = nearest.into_values().collect();
+    }
+
+    /// Whether something is so near before a link that a base which drives on would touch it.
+    pub fn is_close_ahead(&self) -> bool {
+        self.near.iter().any(|near| near.distance_m < CLOSE_M && near.towards.x > AHEAD)
     }
 
     /// The share of these velocities at which every link is slow enough for what is near it, 0 to 1.
     pub fn share(&self, model: &RobotModel, configuration: &Configuration, base: Twist, arm: &JointVelocities) -> f64 {
         let poses = model.kinematics.root_from_links(configuration);
         let joints = DVector::from_column_slice(arm.values());
-        let share = |(link, point, distance_m): &(LinkId, Point3<f64>, f64)| {
+        let share = |Near { link, point, distance_m, .. }: &Near| {
             let jacobian = model.kinematics.jacobian(&poses, *link, point, &model.arm);
             let of_arm = jacobian.rows(0, 3) * &joints;
             let turn = Vector3::z().cross(&point.coords) * base.turn_rad_per_s;
@@ -123,6 +142,11 @@ impl Pace {
         };
         self.near.iter().map(share).fold(1.0, f64::min)
     }
+}
+
+/// Whether arm or load sticks out of the footprint.
+pub fn is_unfolded(model: &RobotModel, configuration: &Configuration) -> bool {
+    model.radius_m(configuration) > model.settings.base.footprint_radius_m + FOLDED_M
 }
 
 /// Speed of a link that is so far from the nearest thing, metres per second.
@@ -159,7 +183,7 @@ mod tests {
             let mut pace = Pace::default();
             let posture = Posture { model: &model, configuration, world_from_base: &world_from_base, held: None };
             assert!(pace.is_due(Stamp(0)));
-            pace.measure(Stamp(0), &map, &posture);
+            pace.measure(Stamp(0), &map, &LiveObstacles::default(), &posture);
             assert!(!pace.is_due(Stamp(0)));
             let still = JointVelocities::zeros(&model.arm.joints);
             pace.share(&model, configuration, Twist { forward_m_per_s, turn_rad_per_s }, &still)

@@ -342,7 +342,8 @@ fn test(
         * (0.4 + 0.6 * (clearance_m / 0.03).min(1.0))
         * (0.6 + 0.4 * contact.observed_share)
         * proposal.centering
-        * proposal.preference;
+        * proposal.preference
+        * put_down(&world_from_tool, scene.support_z_m, config);
     let scores = GraspScores {
         antipodality,
         clearance_m,
@@ -351,6 +352,18 @@ fn test(
         reach: 1.0,
     };
     Ok(GraspCandidate { world_from_tool, width_m, opening_m, front_m, approach, score, scores })
+}
+
+/// How well the thing can be put down again in this hold, 0 to 1: a palm that is as low as the support lets it down only
+/// where it hangs over an edge.
+fn put_down(world_from_tool: &Pose, support_z_m: f64, config: &GraspConfig) -> f64 {
+    /// Distance that the palm keeps from a surface on the way down, and how far surfaces are off, metres.
+    const GAP_M: f64 = 0.02;
+    const OVER_AN_EDGE: f64 = 0.6;
+    let face = |x_m: f64| world_from_tool * Point3::new(x_m, 0.0, -config.hand.palm_behind_tool_m);
+    let half_m = 0.5 * config.hand.palm_thickness_m;
+    let lowest_m = face(half_m).z.min(face(-half_m).z);
+    if lowest_m < support_z_m + GAP_M { OVER_AN_EDGE } else { 1.0 }
 }
 
 struct Contact {

@@ -65,13 +65,21 @@ const BODY_MARGIN_M: f64 = 0.03;
 /// What lies so far inside the footprint cannot be there, metres.
 const IMPOSSIBLE_M: f64 = 0.04;
 
-/// Obstacles of the last seconds: cells over the floor with the moment each was seen last. World frame.
+/// No arm reaches what is farther from the camera, metres.
+const SURFACE_RANGE_M: f64 = 1.4;
+
+/// Obstacles of the last seconds: cells over the floor, and voxels near the arm, with the moment each was seen last. World
+/// frame.
 #[derive(Clone, Debug, Default)]
 pub struct LiveObstacles {
     cells: BTreeMap<[i32; 2], Stamp>,
+    voxels: BTreeMap<[i32; 3], Stamp>,
 }
 
 impl LiveObstacles {
+    /// Side of a voxel of the surfaces near the arm, metres.
+    pub const VOXEL_M: f64 = 0.03;
+
     /// Counts a frame in. `bodies` are the robot's own, world frame; `frame` must carry the pose the robot believes in.
     pub fn observe(&mut self, frame: &RgbdFrame, bodies: &[OrientedBox], config: &LiveConfig) {
         let memory = Span::from_s(config.memory_s);
@@ -99,6 +107,35 @@ impl LiveObstacles {
                 self.cells.insert(cell, frame.stamp);
             }
         }
+    }
+
+    /// Counts the surfaces of a frame in that are within reach, for an arm that sticks out of the footprint: the map keeps
+    /// few points of large things, and misses thin edges of them. `bodies` as for [`Self::observe`].
+    pub fn observe_surfaces(&mut self, frame: &RgbdFrame, bodies: &[OrientedBox], config: &LiveConfig) {
+        let memory = Span::from_s(config.memory_s);
+        self.voxels.retain(|_, seen| frame.stamp - *seen <= memory);
+        let bodies = BoxUnion::new(bodies, BODY_MARGIN_M);
+        let (width, height) = (frame.model.width as usize, frame.model.height as usize);
+        let pixels = (0..height).step_by(STRIDE).flat_map(|row| (0..width).step_by(STRIDE).map(move |c| (row, c)));
+        let mut hits: Vec<[i32; 3]> = pixels
+            .filter_map(|(row, column)| {
+                let depth = f64::from(frame.depth_m[row * width + column]);
+                let in_reach = depth > 0.0 && depth < SURFACE_RANGE_M;
+                let seen = in_reach.then(|| frame.model.back_project(column as u32, row as u32, depth))?;
+                let point = frame.world_from_camera * seen;
+                let counts = point.z > config.lowest_m && !bodies.contains(&point);
+                counts.then(|| [point.x, point.y, point.z].map(|v| (v / Self::VOXEL_M).floor() as i32))
+            })
+            .collect();
+        hits.sort_unstable();
+        for voxel in hits.chunk_by(|a, b| a == b).filter(|same| same.len() >= usize::from(config.min_points)) {
+            self.voxels.insert(voxel[0], frame.stamp);
+        }
+    }
+
+    /// Centres of the voxels that hold a surface.
+    pub fn surfaces(&self) -> impl Iterator<Item = Point3<f64>> + '_ {
+        self.voxels.keys().map(|voxel| Point3::from(voxel.map(|v| (f64::from(v) + 0.5) * Self::VOXEL_M)))
     }
 
     /// Centres of the cells that hold something.
@@ -215,6 +252,24 @@ mod tests {
         assert!((towards.ahead.expect("a board").x - 1.2).abs() < 0.03);
         assert_eq!(limits(&live, 1.2), SpeedLimits::NONE);
         assert!(limits(&live, std::f64::consts::PI).backward_m_per_s.is_finite());
+    }
+
+    #[test]
+    fn surfaces_in_reach_are_kept_for_the_arm() {
+        let mut near = frame(1.0);
+        near.depth_m.iter_mut().for_each(|depth| *depth = (*depth - 0.2).max(0.0));
+        let mut live = LiveObstacles::default();
+        live.observe_surfaces(&near, &[], &LiveConfig::default());
+        let board: Vec<Point3<f64>> = live.surfaces().collect();
+        assert!(board.len() > 30, "{}", board.len());
+        assert!(
+            board.iter().all(|point| (point.x - 1.0).abs() < LiveObstacles::VOXEL_M && point.y.abs() < 0.15),
+            "{board:?}"
+        );
+        let mut empty = frame(6.0);
+        empty.depth_m.fill(0.0);
+        live.observe_surfaces(&empty, &[], &LiveConfig::default());
+        assert_eq!(live.surfaces().count(), 0);
     }
 
     #[test]

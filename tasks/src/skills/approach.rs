@@ -2,7 +2,7 @@
 //! shelf does not have, so the arm unfolds a step back and the base drives the last step with the arm ready.
 
 use super::arm::{ArmOutcome, NEAR_ENOUGH_RAD, move_joints_around, move_through};
-use super::drive::{Drive, DriveOutcome};
+use super::drive::{Drive, DriveOutcome, step_to};
 use super::obstacles::find_obstacles;
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
@@ -73,9 +73,7 @@ pub(super) fn come_to(
         return Ok(Err((Stage::Reach, format!("the arm cannot unfold here; {error_m:.2} rad are left"))));
     }
     if approach.step_m() > 0.01 {
-        let mut slow = nav.clone();
-        slow.follower.max_speed_m_per_s = step_speed_m_per_s;
-        let arrived = Drive::to_pose(&slow, approach.stand).run(agent)?;
+        let arrived = step_to(agent, nav, &approach.stand, step_speed_m_per_s)?;
         if arrived != DriveOutcome::Arrived {
             return Ok(Err((Stage::Planning, format!("the last step to the {what} failed: {arrived:?}"))));
         }
@@ -130,10 +128,10 @@ pub fn find_approach_around(ground: &Ground<'_>, stands: &[Pose2], tool_z_m: f64
         ends.extend(raised_by_arm(model, folded, tool_z_m));
     }
     stands.iter().take(MAX_STANDS).find_map(|stand| {
-        let near_stand = find_obstacles(map, &stand.to_pose(), held);
+        let near_stand = find_obstacles(map, None, &stand.to_pose(), held);
         BACK_M.iter().find_map(|&back_m| {
             let unfold_at = step_back(costmap, field, stand, back_m)?;
-            let near_unfold = find_obstacles(map, &unfold_at.to_pose(), held);
+            let near_unfold = find_obstacles(map, None, &unfold_at.to_pose(), held);
             ends.iter().find_map(|postures| {
                 let ready = configured(model, folded, postures.last()?);
                 if !is_step_free(model, &ready, &near_stand, back_m) {
@@ -173,10 +171,10 @@ fn is_step_free(model: &RobotModel, ready: &Configuration, near_stand: &[Obstacl
 
 fn find_approach(ground: &Ground<'_>, unfoldings: &[Vec<JointPositions>], stand: &Pose2) -> Option<Approach> {
     let &Ground { map, model, costmap, field, folded, held } = ground;
-    let near_stand = find_obstacles(map, &stand.to_pose(), held);
+    let near_stand = find_obstacles(map, None, &stand.to_pose(), held);
     for back_m in BACK_M {
         let Some(unfold_at) = step_back(costmap, field, stand, back_m) else { continue };
-        let near_unfold = find_obstacles(map, &unfold_at.to_pose(), held);
+        let near_unfold = find_obstacles(map, None, &unfold_at.to_pose(), held);
         for postures in unfoldings {
             if !is_free_along(model, folded, postures, &near_unfold) {
                 continue;

@@ -7,8 +7,9 @@ use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
 use dsm_robot::nav::{
     BlockReason, Costmap, FollowStatus, Follower, LiveObstacles, NavConfig, Path, PlanFailure, Pose2, find_path,
+    wrap_angle,
 };
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector2};
 use std::sync::Arc;
 
 /// The path is planned anew this often while driving.
@@ -200,6 +201,57 @@ impl<'a> Drive<'a> {
             (costmap, path)
         })
     }
+}
+
+/// Drives straight on to beside `stand`, with its heading and without steering: the arm that is out would swing. What the
+/// way lies beside the stand at its begin it lies beside it at its end.
+pub fn step_to(agent: &mut Agent, nav: &NavConfig, stand: &Pose2, speed_m_per_s: f64) -> Result<DriveOutcome, Halt> {
+    /// So near is there, metres.
+    const NEAR_M: f64 = 0.01;
+    const BRAKING_M_PER_S2: f64 = 0.3;
+    /// The heading is held by this much, 1/s, no faster than this, rad/s.
+    const TURN: (f64, f64) = (1.0, 0.2);
+    /// Below this it stands: something is before the base, metres per second.
+    const STANDS_M_PER_S: f64 = 0.01;
+    let still = JointVelocities::zeros(&agent.model().arm.joints);
+    let ahead = Vector2::new(stand.yaw_rad.cos(), stand.yaw_rad.sin());
+    let radius_m = agent.model().settings.base.footprint_radius_m;
+    let whole_m = (stand.position - Pose2::from_pose(&agent.world_from_base()?).position).norm();
+    let end = agent.now() + Span::from_s(PATIENCE.0 + whole_m / PATIENCE.1);
+    agent.take_touch();
+    while agent.now() < end {
+        if agent.held().is_some() && agent.grip_state()?.width_m < HOLDS_M {
+            agent.rest(Span::from_s(0.5))?;
+            return Ok(DriveOutcome::Dropped);
+        }
+        let world_from_base = agent.world_from_base()?;
+        let pose = Pose2::from_pose(&world_from_base);
+        let left_m = (stand.position - pose.position).dot(&ahead);
+        if left_m < NEAR_M {
+            agent.rest(Span::from_s(0.2))?;
+            return Ok(DriveOutcome::Arrived);
+        }
+        let limits = agent.live.find_speed_limits(&world_from_base, radius_m, &nav.live);
+        let braking = (2.0 * BRAKING_M_PER_S2 * left_m).sqrt();
+        let forward_m_per_s = speed_m_per_s.min(braking).min(limits.forward_m_per_s);
+        if forward_m_per_s < STANDS_M_PER_S {
+            // As near as what is before the base lets it.
+            return Ok(DriveOutcome::Blocked(format!("{left_m:.2} m are left")));
+        }
+        let turn_rad_per_s = (TURN.0 * wrap_angle(stand.yaw_rad - pose.yaw_rad)).clamp(-TURN.1, TURN.1);
+        let sent = agent.slowed(Twist { forward_m_per_s, turn_rad_per_s })?;
+        if agent.is_close_ahead() {
+            agent.log(format!("the arm is close to something {left_m:.2} m before the stand"));
+            agent.rest(Span::from_s(0.2))?;
+            return Ok(DriveOutcome::Arrived);
+        }
+        agent.tick(sent, &still)?;
+        if agent.take_touch() {
+            come_free(agent, sent)?;
+            return Ok(DriveOutcome::Blocked("the arm touches something".into()));
+        }
+    }
+    Ok(DriveOutcome::TimeUp)
 }
 
 /// Adds what the cameras see now and the map does not show yet. What lies beside a mapped obstacle is the same one, seen

@@ -153,7 +153,7 @@ fn try_grasp(
     // The arm keeps off the object until it reaches for it.
     let obstacles = |agent: &mut Agent| {
         let world_from_base = agent.world_from_base()?;
-        Ok(find_obstacles(&target.in_map(agent.map()), &world_from_base, None))
+        Ok(find_obstacles(&target.in_map(agent.map()), Some(&agent.live), &world_from_base, None))
     };
     let step_m_per_s = settings.step_speed_m_per_s;
     if let Err(failure) = come_to(agent, nav, &approach, "object", &bounds.center, step_m_per_s, obstacles)? {
@@ -172,7 +172,7 @@ fn try_grasp(
     let world_from_base = agent.world_from_base()?;
     let base_from_world = world_from_base.inverse();
     agent.grip(reach.grasp.opening_m, 10.0);
-    let obstacles = find_obstacles(&target.in_map(agent.map()), &world_from_base, Some(id));
+    let obstacles = find_obstacles(&target.in_map(agent.map()), Some(&agent.live), &world_from_base, Some(id));
     let back_m = look_back_m(agent.model(), &reach.grasp, settings);
     let free = ToolMove {
         goal: base_from_world * look_pose(&reach.grasp, settings, back_m),
@@ -408,13 +408,13 @@ fn choose_grasp(
     let (id, map, model) = (target.id(), target.in_map(agent.map()), agent.model().clone());
     let world_from_base = agent.world_from_base()?;
     let configuration = agent.configuration()?;
-    let (settings, slipped_z_m) = (settings.clone(), slipped_z_m.to_vec());
+    let (settings, slipped_z_m, live) = (settings.clone(), slipped_z_m.to_vec(), agent.live.clone());
     agent.plan(move || {
         let from = ApproachFrom::Base(Point2::from(world_from_base.translation.vector.xy()));
         let Some(scene) = GraspScene::from_map(&map, id, from) else {
             return Err((Stage::Mapping, "the object left the map".to_owned()));
         };
-        let obstacles = find_obstacles(&map, &world_from_base, Some(id));
+        let obstacles = find_obstacles(&map, Some(&live), &world_from_base, Some(id));
         let seeds = seeds(&model);
         let base_from_world = world_from_base.inverse();
         let reach = |world_from_tool: &Pose| {

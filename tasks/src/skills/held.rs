@@ -4,7 +4,7 @@ use super::Outcome;
 use super::arm::{ArmOutcome, move_joints_around, move_through};
 use super::carry::find_carry;
 use super::grasp::GraspSettings;
-use super::obstacles::find_obstacles;
+use super::obstacles::{find_obstacles, leave_out_overlaps};
 use super::place::stands_around;
 use super::retreat::back_off;
 use super::spots::Load;
@@ -135,8 +135,9 @@ pub fn carry(agent: &mut Agent, held: &Held, settings: &GraspSettings) -> Result
     agent.gaze = Gaze::AHEAD;
     back_off(agent, BACK_M, BACK_SPEED_M_PER_S)?;
     let world_from_base = agent.world_from_base()?;
-    let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
+    let mut obstacles = obstacles_but_held(agent, &world_from_base, held)?;
     let (model, configuration) = (agent.model().clone(), agent.configuration()?);
+    leave_out_overlaps(&model, &configuration, &mut obstacles);
     let balance_in_tool = held.balance_in_tool;
     let postures = agent.plan(move || find_carry(&model, &configuration, &balance_in_tool))?;
     let Some(postures) = postures else {
@@ -209,7 +210,7 @@ pub(super) fn obstacles_but_held(
     let configuration = agent.configuration()?;
     let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
     let hold = agent.held().copied();
-    let mut obstacles = find_obstacles(agent.map(), world_from_base, Some(held.id));
+    let mut obstacles = find_obstacles(agent.map(), Some(&agent.live), world_from_base, Some(held.id));
     obstacles.retain(|obstacle| match obstacle {
         Obstacle::Ball { center_in_base, .. } => {
             !hold.is_some_and(|b| b.contains(&base_from_tool.inverse_transform_point(center_in_base), 0.03))

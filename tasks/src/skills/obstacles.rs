@@ -3,12 +3,14 @@
 use dsm::Pose;
 use dsm::geometry::OrientedBox;
 use dsm::map::{CellState, Map, ObjectId};
-use dsm_robot::model::collision::Obstacle;
+use dsm_robot::model::collision::{Obstacle, Other};
+use dsm_robot::model::{Configuration, RobotModel};
+use dsm_robot::nav::LiveObstacles;
 use nalgebra::{Point2, Point3, Vector3};
 use std::collections::BTreeSet;
 
 /// Side of the voxels that surfaces are thinned to, metres.
-const VOXEL_M: f64 = 0.03;
+const VOXEL_M: f64 = LiveObstacles::VOXEL_M;
 /// Obstacles farther from the base than this are out of reach, metres.
 const REACH_M: f64 = 1.25;
 /// Height of what stands on the floor without a name (walls), metres.
@@ -16,8 +18,17 @@ const WALL_HEIGHT_M: f64 = 1.6;
 /// Points of others this near to the target belong to it for the arm's purposes, metres: clouds are not sharp.
 const TARGET_MARGIN_M: f64 = 0.012;
 
-/// Obstacles in the base frame, without the object that is to be touched.
-pub fn find_obstacles(map: &Map, world_from_base: &Pose, target: Option<ObjectId>) -> Vec<Obstacle> {
+/// Voxels that are seen this near to the target belong to it, metres: half a voxel, and what its box is off.
+const SEEN_TARGET_MARGIN_M: f64 = 0.03;
+
+/// Obstacles in the base frame, without the object that is to be touched: what the map holds, and the surfaces that are
+/// `seen` now. The map keeps few points of large things and misses thin edges; what is seen now is gone elsewhere.
+pub fn find_obstacles(
+    map: &Map,
+    seen: Option<&LiveObstacles>,
+    world_from_base: &Pose,
+    target: Option<ObjectId>,
+) -> Vec<Obstacle> {
     let base = Point2::from(world_from_base.translation.vector.xy());
     let base_from_world = world_from_base.inverse();
     let target_box = target.and_then(|id| map.find_object(id)).map(|o| o.bounds);
@@ -41,6 +52,12 @@ pub fn find_obstacles(map: &Map, world_from_base: &Pose, target: Option<ObjectId
             }
         }
     }
+    for p in seen.into_iter().flat_map(LiveObstacles::surfaces) {
+        let free = target_box.is_some_and(|b| b.contains(&p, SEEN_TARGET_MARGIN_M));
+        if !free && (p.xy() - base).norm() < REACH_M {
+            voxels.insert([p.x, p.y, p.z].map(|v| (v / VOXEL_M).floor() as i32));
+        }
+    }
     let balls = voxels.into_iter().map(|voxel| {
         let center = Point3::from(Vector3::from(voxel.map(|v| (f64::from(v) + 0.5) * VOXEL_M)));
         Obstacle::still_ball(base_from_world * center, 0.5 * VOXEL_M)
@@ -48,6 +65,22 @@ pub fn find_obstacles(map: &Map, world_from_base: &Pose, target: Option<ObjectId
     let mut obstacles: Vec<Obstacle> = balls.collect();
     obstacles.extend(walls(map, &base, &columns, &base_from_world));
     obstacles
+}
+
+/// Leaves out what overlaps the arm where it is: surfaces are known to a voxel, and what the arm stands in is not there. What
+/// is next to it stays, so that it goes no deeper.
+pub(super) fn leave_out_overlaps(model: &RobotModel, configuration: &Configuration, obstacles: &mut Vec<Obstacle>) {
+    let poses = model.kinematics.root_from_links(configuration);
+    let pairs = model.collision.obstacle_distances(&poses, obstacles, &model.arm_links(), 0.0);
+    let overlaps: BTreeSet<usize> = pairs
+        .into_iter()
+        .filter_map(|pair| match pair.other {
+            Other::Obstacle(index) if pair.distance_m < 0.0 => Some(index),
+            _ => None,
+        })
+        .collect();
+    let mut index = 0..;
+    obstacles.retain(|_| index.next().is_none_or(|index| !overlaps.contains(&index)));
 }
 
 /// Marks the cells under an object: its own points say more about it than the floor grid.
@@ -101,6 +134,7 @@ mod tests {
     use dsm::map::{Attributes, MapChange, MapObject, MapUpdate, ObjectState, Votes};
     use dsm::time::Stamp;
     use nalgebra::UnitQuaternion;
+    use std::path::Path;
 
     #[test]
     fn the_wall_behind_a_counter_is_an_obstacle() {
@@ -132,7 +166,7 @@ mod tests {
         };
         map.apply(MapUpdate { stamp: Stamp::default(), changes: vec![MapChange::Put(Box::new(counter))] });
         let at = Pose::translation(1.0, 0.5, 0.0);
-        let columns: Vec<Point2<f64>> = find_obstacles(&map, &at, None)
+        let columns: Vec<Point2<f64>> = find_obstacles(&map, None, &at, None)
             .into_iter()
             .filter_map(|obstacle| match obstacle {
                 Obstacle::Box { base_from_box, .. } => Some((at * base_from_box).translation.vector.xy().into()),
@@ -143,5 +177,17 @@ mod tests {
         assert!(behind > 15, "{behind} cells of the wall");
         let front = columns.iter().filter(|c| c.y < 1.5 && (c.x - 1.0).abs() < 0.5).count();
         assert_eq!(front, 0, "{columns:?}");
+    }
+
+    #[test]
+    fn what_the_arm_stands_in_is_not_there() {
+        let model = RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter")).unwrap();
+        let configuration = model.kinematics.zero();
+        let hand = model.kinematics.root_from_link(&configuration, model.arm_links()[model.arm_links().len() - 1]);
+        let at = Point3::from(hand.translation.vector);
+        let ball = |x_m: f64| Obstacle::still_ball(at + Vector3::new(x_m, 0.0, 0.0), 0.015);
+        let mut obstacles = vec![ball(1.0), ball(0.0), ball(0.9)];
+        leave_out_overlaps(&model, &configuration, &mut obstacles);
+        assert_eq!(obstacles, [ball(1.0), ball(0.9)]);
     }
 }

@@ -66,6 +66,7 @@ pub fn place(
                     navigate_to_object(agent, nav, surface, None)?;
                     continue;
                 }
+                raise(agent, settings, held)?;
                 if let Outcome::Failed(stage, reason) = carry(agent, held, settings)? {
                     last = (stage, reason);
                     break;
@@ -74,6 +75,27 @@ pub fn place(
         }
     }
     Ok(Outcome::Failed(last.0, last.1))
+}
+
+/// Lifts the load off what it may stand among, best effort: backing off would drag it.
+fn raise(agent: &mut Agent, settings: &GraspSettings, held: &Held) -> Result<(), Halt> {
+    let world_from_base = agent.world_from_base()?;
+    let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
+    let (model, configuration) = (agent.model().clone(), agent.configuration()?);
+    let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
+    let mut touching = finger_links(&model);
+    touching.push(model.tool);
+    let up = ToolMove {
+        goal: Translation3::new(0.0, 0.0, ABOVE_M) * base_from_tool,
+        obstacles: &obstacles,
+        touching: &touching,
+        speed_m_per_s: settings.approach_speed_m_per_s,
+        posture: None,
+        give_up_after: STUCK_AFTER,
+        clearance_m: None,
+    };
+    move_tool(agent, &up)?;
+    Ok(())
 }
 
 type Attempt = Result<String, (Stage, String)>;

@@ -2,7 +2,7 @@
 
 use super::arm::{STUCK_AFTER, ToolMove, fold, move_tool};
 use super::grasp::{UNFOLD, finger_links};
-use super::obstacles::find_obstacles;
+use super::obstacles::{find_obstacles, leave_out_overlaps};
 use crate::agent::{Agent, Halt};
 use dsm::map::CellState;
 use dsm::time::Span;
@@ -21,7 +21,7 @@ pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
     let configuration = agent.configuration()?;
     let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
     let world_from_base = agent.world_from_base()?;
-    let obstacles = find_obstacles(agent.map(), &world_from_base, None);
+    let obstacles = find_obstacles(agent.map(), Some(&agent.live), &world_from_base, None);
     let fingers = finger_links(agent.model());
     let back = ToolMove {
         goal: Translation3::new(0.0, 0.0, 0.06) * base_from_tool * Translation3::new(0.0, 0.0, -0.08),
@@ -35,7 +35,8 @@ pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
     move_tool(agent, &back)?;
     back_off(agent, BACK_M, SPEED_M_PER_S)?;
     let world_from_base = agent.world_from_base()?;
-    let obstacles = find_obstacles(agent.map(), &world_from_base, None);
+    let mut obstacles = find_obstacles(agent.map(), Some(&agent.live), &world_from_base, None);
+    leave_out_overlaps(&model, &agent.configuration()?, &mut obstacles);
     fold(agent, UNFOLD, &obstacles)?;
     Ok(())
 }

@@ -197,6 +197,28 @@ fn an_apple_under_a_board_is_taken_from_the_front() {
 }
 
 #[test]
+fn what_is_low_is_held_so_that_it_can_be_put_down() {
+    let center = Point3::new(0.5, 0.0, 0.735);
+    let target = sphere(center, 0.035, 0.002, 900, 8);
+    let scene = GraspScene::from_points(&target, &board(Point3::new(0.7, 0.0, 0.7), 9), BASE).unwrap();
+    let config = GraspConfig::default();
+    // Nothing comes from above.
+    let beneath = |pose: &Pose| ((pose.rotation * Vector3::z()).z > -0.9).then_some(1.0);
+    let plan = plan_grasps(&scene, &config, &beneath);
+    let best = &plan.candidates[0];
+    let low_m = |grasp: &GraspCandidate| {
+        (grasp.world_from_tool * Point3::new(0.03, 0.0, -0.1))
+            .z
+            .min((grasp.world_from_tool * Point3::new(-0.03, 0.0, -0.1)).z)
+    };
+    assert!(low_m(best) > 0.72, "the palm comes down before the ball: {best:?}");
+    // Under a board there is no other.
+    let level = |pose: &Pose| ((pose.rotation * Vector3::z()).z > -0.1).then_some(1.0);
+    let plan = plan_grasps(&scene, &config, &level);
+    assert!(low_m(&plan.candidates[0]) < 0.72, "over the edge there is room for the palm");
+}
+
+#[test]
 fn what_does_not_fit_yields_reasons() {
     let center = Point3::new(1.0, 0.0, 0.8);
     let target = block(center, Vector3::new(0.2, 0.25, 0.2), 0.0, 0.003, 4000, 2);
