@@ -25,7 +25,7 @@ mod ties;
 
 pub use check::{CheckedScene, Finding, Located, RobotSize, check_scene, find_movers};
 pub use error::{Place, SceneError};
-pub use generate::{GenerateError, GeneratedScene, HomeConfig, ImportError, generate_home, import_ithor};
+pub use generate::{Furniture, GenerateError, GeneratedScene, HomeConfig, ImportError, generate_home, import_ithor};
 pub use joints::{JointMotion, SceneJoint};
 pub use load::scene_file;
 pub use model::{
