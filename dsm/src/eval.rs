@@ -81,6 +81,28 @@ pub struct Truth {
     pub in_view: Vec<String>,
     /// Every joint of the robot.
     pub joints: Vec<TrueJoint>,
+    /// Every part of the scene that moves on a joint, in the order of the scene: doors, drawers, lids.
+    #[serde(default)]
+    pub parts: Vec<TruePart>,
+}
+
+/// The true state of a part that moves on a joint against what carries it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TruePart {
+    /// The part as an object of its own. Its category is that of the scene's semantics, else a word of its body's name.
+    pub object: TrueObject,
+    /// Name of the body that carries it.
+    pub part_of: String,
+    /// Name of the joint in the scene.
+    pub joint: String,
+    /// Whether it slides (metres) instead of turning (radians).
+    pub slides: bool,
+    /// Position of the joint.
+    pub position: f64,
+    /// Mean velocity since the sample before.
+    pub velocity: f64,
+    /// Least and greatest position; `None` when the joint has no end.
+    pub range: Option<[f64; 2]>,
 }
 
 /// The true state of one robot joint.

@@ -16,7 +16,7 @@ mod wander;
 use crate::camera::{CameraRig, LightDraw, NoiseKey, NoiseParameters, SensorModel, TrueImage, robot_visuals};
 use crate::detect::{LabelIds, LabelImage, LabelSender, SimDetector, label_channel};
 use crate::robot::CaptureRequest;
-use crate::scene::{SceneModel, Semantics, scene_file};
+use crate::scene::{SceneJoint, SceneModel, Semantics, scene_file};
 use crate::world::imager::STREAM;
 use crate::world::{Perception, WorldError};
 use dsm::Pose;
@@ -104,6 +104,8 @@ pub struct Replay {
     semantics: Semantics,
     scene: SceneModel,
     bodies: Vec<Pose>,
+    /// Joints whose parts no moment has moved yet: those stand where they stood on what carries them.
+    standing: Vec<(SceneJoint, Pose)>,
     rig: CameraRig,
     sensor: SensorModel,
     labels: LabelSender,
@@ -123,7 +125,8 @@ impl Replay {
         let model = SceneModel::load(scene)?;
         let semantics = Semantics::load(&scene_file(scene), &model)?;
         let visuals = robot_visuals(&robot.kinematics);
-        let rig = CameraRig::new(&model, &visuals, &LightDraw::new(seed))?;
+        let wholes = semantics.find_wholes(&model);
+        let rig = CameraRig::new(&model, &visuals, &LightDraw::new(seed))?.showing(&model, &wholes);
         let sensor = match perception {
             Perception::Noisy => SensorModel::noisy(NoiseParameters::default())?,
             Perception::Oracle => SensorModel::oracle(),
@@ -133,11 +136,13 @@ impl Replay {
         let sightings = Sightings::new(&model, &semantics, &rig);
         let things = ThingLabels::new(&model, &semantics);
         let bodies = model.bodies.iter().map(|body| body.world_from_body).collect();
+        let standing = model.joints.iter().map(|joint| (joint.clone(), model.standing_part(joint))).collect();
         Ok(Self {
             robot,
             semantics,
             scene: model,
             bodies,
+            standing,
             rig,
             sensor,
             labels,
@@ -160,6 +165,10 @@ impl Replay {
             if let Some(known) = self.bodies.get_mut(*body) {
                 *known = *pose;
             }
+        }
+        self.standing.retain(|(joint, _)| !moment.moved.iter().any(|(body, _)| *body == joint.part));
+        for (joint, carrier_from_part) in &self.standing {
+            self.bodies[joint.part] = self.bodies[joint.carrier] * carrier_from_part;
         }
         let configuration = self.configuration(&moment.joints);
         let base_from_links = self.robot.kinematics.root_from_links(&configuration);

@@ -41,6 +41,8 @@ use truth::TruthSampler;
 const REST: Span = Span(1_000_000_000);
 /// A thing that moves farther while coming to rest did not find a good place and goes back to its own, metres.
 const FALLEN_M: f64 = 0.03;
+/// A joint that moves less than this while the world comes to rest did not move, radians or metres.
+const STOOD: f64 = 1e-5;
 /// Resolution of the true free space, metres.
 const CELL_M: f64 = 0.05;
 /// Posture that a robot starts in, when it has it: folded for driving.
@@ -227,10 +229,19 @@ pub(crate) fn settle(
         }
         rested = settle_scene(model, REST, PhysicsConfig::default())?;
     }
-    for (body, pose) in model.bodies.iter_mut().zip(rested) {
+    let standing: Vec<Pose> = model.joints.iter().map(|joint| model.standing_part(joint)).collect();
+    let before: Vec<f64> = model.joints.iter().map(|joint| model.joint_position(joint)).collect();
+    for (body, pose) in model.bodies.iter_mut().zip(&rested) {
         if body.motion == BodyMotion::Free {
-            body.world_from_body = pose;
+            body.world_from_body = *pose;
         }
+    }
+    // Carriers come first: what they carry stands on the joint where it came to rest, or as it stood.
+    for (joint, (standing, before)) in model.joints.iter().zip(standing.iter().zip(before)) {
+        let position = joint.find_position(&rested[joint.carrier], &rested[joint.part]);
+        let moved = (position - before).abs() > STOOD;
+        let carrier_from_part = if moved { joint.carrier_from_part(position) } else { *standing };
+        model.bodies[joint.part].world_from_body = model.bodies[joint.carrier].world_from_body * carrier_from_part;
     }
     Ok(())
 }
@@ -270,7 +281,7 @@ fn connect(
     let (view_sender, views) = channel();
     let (truth_sender, truth) = channel();
     let visuals = robot_visuals(&robot.kinematics);
-    let rig = CameraRig::new(model, &visuals, &LightDraw::new(seed))?;
+    let rig = CameraRig::new(model, &visuals, &LightDraw::new(seed))?.showing(model, &semantics.find_wholes(model));
     let (sensor, localisation) = match config.perception {
         Perception::Noisy => (SensorModel::noisy(NoiseParameters::default())?, LocalisationNoise::Noisy),
         Perception::Oracle => (SensorModel::oracle(), LocalisationNoise::None),

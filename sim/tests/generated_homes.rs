@@ -3,8 +3,8 @@
 
 use dsm_robot::model::RobotModel;
 use dsm_sim::scene::{
-    BodyMotion, GenerateError, GeneratedScene, HomeConfig, ImportError, RobotSize, SceneModel, SceneShape, Semantics,
-    check_scene, generate_home, import_ithor, scene_file,
+    BodyMotion, Furniture, GenerateError, GeneratedScene, HomeConfig, ImportError, JointMotion, RobotSize, SceneModel,
+    SceneShape, Semantics, check_scene, generate_home, import_ithor, scene_file,
 };
 use dsm_sim::world::{World, WorldConfig};
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 fn home(seed: u64) -> GeneratedScene {
-    generate_home(&HomeConfig { seed, rooms: 5, objects: 90 }).expect("there is room")
+    generate_home(&HomeConfig { seed, rooms: 5, objects: 90, ..HomeConfig::default() }).expect("there is room")
 }
 
 fn write(scene: &GeneratedScene, folder: &Path) {
@@ -47,8 +47,58 @@ fn twenty_homes_are_sound() {
         let checked = check_scene(&path, RobotSize::default()).expect("loads");
         assert!(checked.findings.is_empty(), "seed {seed}: {:#?}", checked.findings);
         assert!(checked.free_bodies >= 20, "seed {seed}: {} free bodies", checked.free_bodies);
-        assert!(checked.held_joints().next().is_some(), "seed {seed}: there are doors and drawers");
+        assert!(checked.held_joints().next().is_none(), "seed {seed}: all doors and drawers move");
+        assert!(checked.jointed_bodies >= 5, "seed {seed}: {} doors and drawers", checked.jointed_bodies);
     }
+}
+
+#[test]
+fn articulated_homes_are_the_same_homes_with_furniture_that_opens() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (mut drawers, mut hidden) = (0, 0);
+    for seed in 0..8 {
+        let plain = home(seed);
+        let config = HomeConfig { seed, rooms: 5, objects: 90, furniture: Furniture::Articulated };
+        let scene = generate_home(&config).expect("there is room");
+        assert_eq!(scene, generate_home(&config).expect("there is room"), "same bytes");
+        let paths = [(&plain, "plain"), (&scene, "open")].map(|(scene, name)| {
+            let path = folder.path().join(format!("{name}_{seed}"));
+            write(scene, &path);
+            path
+        });
+        let [(before, _), (model, semantics)] = [load(&paths[0]), load(&paths[1])];
+        for body in &before.bodies {
+            let same = model.bodies.iter().find(|other| other.name == body.name).expect("it is still there");
+            assert_eq!((same.world_from_body, same.motion), (body.world_from_body, body.motion), "{}", body.name);
+        }
+        let checked = check_scene(&paths[1], RobotSize::default()).expect("loads");
+        assert!(checked.findings.is_empty(), "seed {seed}: {:#?}", checked.findings);
+        for joint in &model.joints {
+            let (part, slides) = (&model.bodies[joint.part], joint.motion == JointMotion::Slide);
+            // The handle is a bar that the hand closes around, with room behind it, and the drawer or door follows it.
+            let [front, .., bar, _, _] = &part.geoms[..] else { panic!("{}: {} geoms", part.name, part.geoms.len()) };
+            let (SceneShape::Box { half_m: front_half }, SceneShape::Box { half_m: bar_half }) =
+                (&front.shape, &bar.shape)
+            else {
+                panic!("{}: boxes", part.name)
+            };
+            let (length, thick) = (2.0 * bar_half.max(), 2.0 * bar_half.min());
+            assert!((0.1..=0.165).contains(&length) && (0.012..=0.018).contains(&thick), "{length} by {thick} m");
+            let gap = front.body_from_geom.translation.y - front_half.y - bar.body_from_geom.translation.y - bar_half.y;
+            assert!((0.0299..=0.0401).contains(&gap), "{}: {gap} m behind the bar", part.name);
+            let arm_m = if slides { 1.0 } else { bar.body_from_geom.translation.x.abs() };
+            let force_n = (joint.friction + joint.damping * 0.2 / arm_m) / arm_m;
+            assert!((5.0..=20.0).contains(&force_n), "{}: {force_n} N at the handle", part.name);
+            assert!((0.3..=20.0).contains(&part.mass_kg), "{} weighs {} kg", part.name, part.mass_kg);
+            let [low, high] = joint.range.expect("it ends");
+            assert!(low.min(high.abs()).abs() < 1e-9 || high.abs() < 1e-9, "closed at one end: {low} to {high}");
+            assert!(if slides { (0.2..=0.5).contains(&high) } else { high - low > 1.5 }, "{low} to {high}");
+            drawers += usize::from(slides);
+        }
+        hidden += model.bodies.len() - before.bodies.len();
+        assert!(semantics.objects.iter().all(|object| !object.body.contains("_drawer_")), "parts are not listed");
+    }
+    assert!(hidden >= drawers / 3 && hidden <= 2 * drawers, "{hidden} things in {drawers} drawers");
 }
 
 #[test]
@@ -98,7 +148,8 @@ fn a_robot_finds_a_start_in_homes_of_any_size() {
     let robot = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter");
     let robot = Arc::new(RobotModel::load(&robot).expect("the robot loads"));
     for (rooms, objects) in [(1, 25), (4, 60), (8, 150)] {
-        let scene = generate_home(&HomeConfig { seed: 11, rooms, objects }).expect("there is room");
+        let scene =
+            generate_home(&HomeConfig { seed: 11, rooms, objects, ..HomeConfig::default() }).expect("there is room");
         let path = folder.path().join(format!("{rooms}"));
         write(&scene, &path);
         let world = World::load(&path, robot.clone(), WorldConfig { seed: 5, ..WorldConfig::default() });
@@ -109,7 +160,9 @@ fn a_robot_finds_a_start_in_homes_of_any_size() {
 
 #[test]
 fn numbers_out_of_range_and_homes_that_are_too_full_are_refused() {
-    let refused = |rooms, objects| generate_home(&HomeConfig { seed: 1, rooms, objects }).expect_err("refused");
+    let refused = |rooms, objects| {
+        generate_home(&HomeConfig { seed: 1, rooms, objects, ..HomeConfig::default() }).expect_err("refused")
+    };
     assert_eq!(refused(0, 90).to_string(), "rooms is 0; expected 1 to 12");
     assert_eq!(refused(5, 9).to_string(), "objects is 9; expected 10 to 600");
     assert!(matches!(refused(1, 600), GenerateError::Full { rooms: 1, .. }));

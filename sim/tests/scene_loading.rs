@@ -1,7 +1,8 @@
 //! Contract: an MJCF scene loads into bodies, shapes, masses, surfaces and lights as MuJoCo reads it; a broken scene is
 //! refused with file, line and what was expected.
 
-use dsm_sim::scene::{BodyMotion, Effect, LightKind, SceneModel, SceneShape, TextureSpan};
+use dsm::Pose;
+use dsm_sim::scene::{BodyMotion, Effect, JointMotion, LightKind, SceneModel, SceneShape, TextureSpan};
 use nalgebra::{Point3, Vector3};
 use std::path::{Path, PathBuf};
 
@@ -180,20 +181,65 @@ fn a_truncated_picture_or_mesh_is_refused() {
 }
 
 #[test]
-fn hinges_are_held_fast_and_reported() {
+fn a_door_is_a_body_on_a_joint() {
+    let scene = world(
+        r#"<body name="cupboard" pos="1 0 0" euler="0 0 1.5707963"><geom type="box" size=".3 .3 .5"/>
+             <body name="door" pos="-.3 -.32 0">
+               <joint name="hinge" pos="0 .02 0" axis="0 0 1" range="-1.5 0" ref="-.5" damping="2" frictionloss=".3"
+                 stiffness="4" springref="-.1" armature=".01"/>
+               <geom type="box" size=".3 .01 .5" pos=".3 0 0" mass="5"/>
+               <body name="knob" pos=".5 -.03 0"><geom type="box" size=".01 .03 .01" mass=".1"/></body></body></body>
+           <body name="table"><geom type="box" size="1 1 .1"/></body>"#,
+    )
+    .expect("valid");
+    // What moves comes last, whatever the file's order: the numbers of all others do not depend on it.
+    let names: Vec<&str> = scene.bodies.iter().map(|b| b.name.as_str()).collect();
+    assert_eq!(names, ["world", "cupboard", "table", "door"]);
+    let door = &scene.bodies[3];
+    assert_eq!((door.motion, door.geoms.len()), (BodyMotion::Jointed, 2));
+    assert!((door.mass_kg - 5.1).abs() < 1e-12);
+    let [joint] = &scene.joints[..] else { panic!("{:?}", scene.joints) };
+    assert_eq!((joint.name.as_str(), joint.part, joint.carrier, joint.motion), ("hinge", 3, 1, JointMotion::Hinge));
+    assert_eq!((joint.range, joint.reference), (Some([-1.5, 0.0]), -0.5));
+    assert_eq!([joint.damping, joint.friction, joint.stiffness], [2.0, 0.3, 4.0]);
+    assert_eq!([joint.spring_reference, joint.armature], [-0.1, 0.01]);
+    assert!((scene.joint_position(joint) + 0.5).abs() < 1e-12);
+    // It turns about its anchor.
+    let anchor = |pose: Pose| pose * Point3::new(0.0, 0.02, 0.0);
+    let moved = scene.bodies[1].world_from_body * joint.carrier_from_part(-1.5);
+    assert!((anchor(moved) - anchor(door.world_from_body)).norm() < 1e-12);
+    assert!((moved.rotation.angle_to(&door.world_from_body.rotation) - 1.0).abs() < 1e-9);
+    // Held, it is a part of the cupboard.
+    let held = scene.with_joints_held();
+    assert_eq!((held.bodies.len(), held.bodies[1].geoms.len(), held.joints.len()), (3, 3, 0));
+    let knob = held.bodies[1].world_from_body * held.bodies[1].geoms[2].body_from_geom * Point3::origin();
+    assert!((knob - door.world_from_body * Point3::new(0.5, -0.03, 0.0)).norm() < 1e-12);
+}
+
+#[test]
+fn joints_that_cannot_be_simulated_are_held_fast_and_reported() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let file = write(
-        folder.path(),
-        "scene.xml",
-        r#"<mujoco><worldbody><body name="cupboard"><geom size="1"/>
-             <body name="door"><joint name="hinge_1" axis="0 0 1"/><geom size=".1"/></body></body></worldbody></mujoco>"#,
-    );
-    let (scene, notes) = SceneModel::load_with_notes(&file).expect("valid");
-    assert_eq!(
-        (notes[0].name.as_deref(), notes[0].line, notes[0].effect),
-        (Some("hinge_1"), Some(2), Effect::HeldFast)
-    );
-    // The door is held fast: it is a part of the cupboard, with its geom, and no body of its own.
-    assert_eq!(scene.bodies.len(), 2);
-    assert_eq!((scene.bodies[1].motion, scene.bodies[1].geoms.len()), (BodyMotion::Fixed, 2));
+    let text = |joints: &str, geom: &str, rest: &str| {
+        format!(
+            r#"<mujoco><worldbody><body name="cupboard"><geom size="1"/>
+               <body name="door">{joints}<geom size=".1" {geom}/></body></body></worldbody>{rest}</mujoco>"#
+        )
+    };
+    let hinge = "<joint name=\"hinge_1\" axis=\"0 0 1\"/>";
+    for text in [
+        text(&format!("{hinge}<joint type=\"slide\"/>"), "", ""),
+        text("<joint name=\"hinge_1\" type=\"ball\"/>", "", ""),
+        text(hinge, "", "<actuator><position joint=\"hinge_1\"/></actuator>"),
+        text(hinge, "", "<tendon><fixed><joint joint=\"hinge_1\" coef=\"1\"/></fixed></tendon>"),
+        text(hinge, "mass=\"0\"", ""),
+        text(hinge, "contype=\"0\" conaffinity=\"0\"", ""),
+    ] {
+        let file = write(folder.path(), "scene.xml", &text);
+        let (scene, notes) = SceneModel::load_with_notes(&file).expect("valid");
+        let held: Vec<_> = notes.iter().filter(|note| note.effect == Effect::HeldFast).collect();
+        assert_eq!((held[0].name.as_deref(), held[0].line), (Some("hinge_1"), Some(2)), "{text}");
+        // The door is held fast: it is a part of the cupboard, with its geom, and no body of its own.
+        assert_eq!((scene.bodies.len(), scene.joints.len()), (2, 0), "{text}");
+        assert_eq!((scene.bodies[1].motion, scene.bodies[1].geoms.len()), (BodyMotion::Fixed, 2));
+    }
 }

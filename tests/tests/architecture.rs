@@ -148,7 +148,7 @@ fn ground_truth_is_read_by_the_judge_alone() {
     let judge = |path: &str| path == "tasks/src/judge.rs" || path.starts_with("tasks/src/judge/");
     let tasks_apart_from_judge = |path: &str| !path.starts_with("tasks/src/") || judge(path);
     // Assembling hands the judge's feed on without looking into it.
-    let reads = ["TrueObject", "TrueWorld", "TrueContact", "eval::TrueWorld", "eval::TrueObject"];
+    let reads = ["TrueObject", "TruePart", "TrueWorld", "TrueContact", "eval::TrueWorld", "eval::TrueObject"];
     assert_none(find(&sources, &reads, tasks_apart_from_judge), "truth is read by the judge alone");
     let handles = |path: &str| tasks_apart_from_judge(path) || path == "tasks/src/assemble.rs";
     assert_none(find(&sources, &["eval::Truth", "Truth"], handles), "truth is handed from assemble.rs to the judge");

@@ -3,12 +3,14 @@
 use crate::MujocoConfig;
 use dsm::Pose;
 use dsm_sim::physics::{GRAVITY_M_PER_S2, PhysicsError, SLAB_M, body_inertia};
-use dsm_sim::scene::{BodyMotion, SceneBody, SceneGeom, SceneModel, SceneShape, SceneTie};
+use dsm_sim::scene::{BodyMotion, JointMotion, SceneBody, SceneGeom, SceneJoint, SceneModel, SceneShape, SceneTie};
 use mujoco_rs::mujoco_c::{
-    mjtCone, mjtDisableBit, mjtEnableBit, mjtEq, mjtInertiaFromGeom, mjtIntegrator, mjtMeshInertia,
+    mjtCone, mjtDisableBit, mjtEnableBit, mjtEq, mjtInertiaFromGeom, mjtIntegrator, mjtJoint, mjtLimited,
+    mjtMeshInertia,
 };
 use mujoco_rs::prelude::{MjSpec, MjtGeomBase, MjtObjBase, SpecItem};
 use mujoco_rs::wrappers::mj_editing::{MjsBody, MjsGeom};
+use nalgebra::Vector3;
 use std::collections::BTreeSet;
 
 /// Time constant and damping ratio of contacts: the stiffest that a step of 5 ms bears. With the impedance below, a grip
@@ -16,6 +18,9 @@ use std::collections::BTreeSet;
 const CONTACT_SOLREF: [f64; 2] = [0.01, 1.0];
 /// Impedance of contacts: at the surface, from a depth of 1 mm on, that depth, and the shape in between.
 const CONTACT_SOLIMP: [f64; 5] = [0.95, 0.99, 0.001, 0.5, 2.0];
+/// Impedance of dry friction in joints: as hard as MuJoCo has it, so that what friction holds against its weight creeps by
+/// micrometres a second and falls asleep; at that of contacts a sash sinks by 2.5 mm/s.
+const FRICTION_SOLIMP: [f64; 5] = [0.9999, 0.9999, 0.001, 0.5, 2.0];
 /// Friction about the contact's normal and against rolling, metres: a pad touches over a few millimetres.
 pub(crate) const SPIN_FRICTION_M: f64 = 0.005;
 pub(crate) const ROLL_FRICTION_M: f64 = 0.0001;
@@ -37,6 +42,11 @@ pub(crate) fn body_name(index: usize) -> String {
 /// Name of the n-th colliding geom of a scene body.
 pub(crate) fn geom_name(body: usize, nth: usize) -> String {
     format!("scene/{body}/{nth}")
+}
+
+/// Name of the joint that moves a scene body.
+pub(crate) fn joint_name(body: usize) -> String {
+    format!("scene/{body}/joint")
 }
 
 /// An empty model with our options.
@@ -147,21 +157,80 @@ fn mesh_name(index: usize) -> String {
 }
 
 fn add_body(spec: &mut MjSpec, scene: &SceneModel, index: usize, body: &SceneBody) -> Result<(), PhysicsError> {
-    let added = spec.world_body_mut().add_body();
+    let joint = scene.find_joint(index);
+    let added = match joint {
+        // What hangs on a body that moves hangs below it; all else below the world. MuJoCo's bodies stand where their
+        // joints are at the reference.
+        Some(joint) => {
+            let carrier = &scene.bodies[joint.carrier];
+            let carrier_from_part = joint.carrier_from_part(joint.reference);
+            let world = spec.world_body_mut();
+            let (parent, pose) = match carrier.motion {
+                BodyMotion::Fixed => (world, carrier.world_from_body * carrier_from_part),
+                _ => {
+                    let name = body_name(joint.carrier);
+                    let parent = world.child_mut(&name).ok_or_else(|| refused(format!("lost body `{name}`")))?;
+                    (parent, carrier_from_part)
+                }
+            };
+            let added = parent.add_body();
+            set_pose(added, &pose);
+            added
+        }
+        None => {
+            let added = spec.world_body_mut().add_body();
+            set_pose(added, &body.world_from_body);
+            added
+        }
+    };
     added.set_name(&body_name(index)).map_err(refused)?;
-    set_pose(added, &body.world_from_body);
-    if body.motion == BodyMotion::Free {
+    if body.motion != BodyMotion::Fixed {
         let inertia = body_inertia(scene, body)?;
         added.set_mass(inertia.mass_kg);
         added.set_explicitinertial(true);
         *added.ipos_mut() = inertia.center_in_body.coords.into();
         *added.iquat_mut() = wxyz(&inertia.body_from_principal);
         *added.inertia_mut() = inertia.moments_kg_m2.into();
-        added.add_free_joint();
+    }
+    match joint {
+        Some(joint) => add_joint(added, joint)?,
+        None if body.motion == BodyMotion::Free => {
+            added.add_free_joint();
+        }
+        None => {}
     }
     for (nth, geom) in body.geoms.iter().filter(|geom| geom.collides).enumerate() {
         add_geom(added, &body.name, geom, &geom_name(index, nth))?;
     }
+    Ok(())
+}
+
+/// The joint between a part and what carries it; its limits are as stiff as contacts.
+fn add_joint(body: &mut MjsBody, joint: &SceneJoint) -> Result<(), PhysicsError> {
+    let added = body.add_joint();
+    added.set_name(&joint_name(joint.part)).map_err(refused)?;
+    added.set_type(match joint.motion {
+        JointMotion::Hinge => mjtJoint::mjJNT_HINGE,
+        JointMotion::Slide => mjtJoint::mjJNT_SLIDE,
+    });
+    let frame = &joint.part_from_joint;
+    *added.pos_mut() = frame.translation.vector.into();
+    *added.axis_mut() = (frame.rotation * Vector3::z()).into();
+    *added.ref_mut() = joint.reference;
+    added.set_limited(mjtLimited::mjLIMITED_FALSE);
+    if let Some(range) = joint.range {
+        added.set_limited(mjtLimited::mjLIMITED_TRUE);
+        *added.range_mut() = range;
+    }
+    added.damping_mut()[0] = joint.damping;
+    added.set_frictionloss(joint.friction);
+    added.stiffness_mut()[0] = joint.stiffness;
+    added.set_springref(joint.spring_reference);
+    added.set_armature(joint.armature);
+    *added.solref_limit_mut() = CONTACT_SOLREF;
+    *added.solimp_limit_mut() = CONTACT_SOLIMP;
+    *added.solref_friction_mut() = CONTACT_SOLREF;
+    *added.solimp_friction_mut() = FRICTION_SOLIMP;
     Ok(())
 }
 

@@ -77,7 +77,7 @@ pub(crate) fn add_grip_pairs(spec: &mut MjSpec, robot: &RobotBody, scene: &Scene
         .map(|link| &robot.kinematics.links[*link])
         .flat_map(|link| (0..link.collisions.len()).map(|nth| pad_name(&link.name, nth)))
         .collect();
-    for (index, body) in scene.bodies.iter().enumerate().filter(|(_, body)| body.motion == BodyMotion::Free) {
+    for (index, body) in scene.bodies.iter().enumerate().filter(|(_, body)| body.motion != BodyMotion::Fixed) {
         for (nth, geom) in body.geoms.iter().filter(|geom| geom.collides).enumerate() {
             for pad in &pads {
                 add_pair(spec, (pad, robot.fingers.friction), (&geom_name(index, nth), geom.friction));

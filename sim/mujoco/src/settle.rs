@@ -18,12 +18,12 @@ pub(crate) fn settle_scene(scene: &SceneModel, span: Span, config: &MujocoConfig
     add_scene(&mut spec, scene)?;
     let mut model = Box::new(spec.compile().map_err(refused)?);
     let ids = find_scene_bodies(&model, scene)?;
-    let places = find_places(&model, scene, &ids);
+    let places = find_places(&model, scene, &ids)?;
     damp(&mut model, &places, &ids);
     let mut data = MjData::new(model);
+    places.place_joints(scene, data.qpos_mut());
     for _ in 0..span.0 / config.step.0.max(1) {
         data.step();
     }
-    let positions = data.qpos();
-    Ok(places.iter().map(|place| place.pose(positions)).collect())
+    Ok(places.poses(data.qpos()))
 }

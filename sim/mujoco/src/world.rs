@@ -3,7 +3,7 @@
 use crate::MujocoConfig;
 use crate::compose::{add_scene, new_spec, refused};
 use crate::messages::route_messages;
-use crate::places::{BodyPlace, damp, find_places, find_scene_bodies, pose};
+use crate::places::{Places, damp, find_places, find_scene_bodies, pose};
 use crate::robot::{BASE_JOINTS, add_grip_pairs, add_robot, link_name};
 use dsm::Pose;
 use dsm::time::{Span, Stamp};
@@ -14,7 +14,7 @@ use dsm_sim::physics::{
 };
 use dsm_sim::scene::SceneModel;
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
-use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -36,7 +36,7 @@ pub struct MujocoPhysics {
     /// The effort bounds in force.
     bounds: Vec<f64>,
     motors: Motors,
-    bodies: Vec<BodyPlace>,
+    bodies: Places,
     base: [JointPlace; 3],
     joints: Vec<JointPlace>,
     joint_names: JointNames,
@@ -90,7 +90,7 @@ impl MujocoPhysics {
         };
         let links = link_names.iter().map(find_link).collect::<Result<Vec<_>, _>>()?;
         let scene_bodies = find_scene_bodies(&model, scene)?;
-        let bodies = find_places(&model, scene, &scene_bodies);
+        let bodies = find_places(&model, scene, &scene_bodies)?;
         let of_geom = |body: &i32| {
             let body = *body as usize;
             let scene_body = scene_bodies.iter().position(|id| *id == body).map(ContactParty::Body);
@@ -125,6 +125,7 @@ impl MujocoPhysics {
             steps: 0,
         };
         physics.set_gains();
+        physics.bodies.place_joints(scene, physics.data.qpos_mut());
         physics.place(base, &positions);
         Ok(physics)
     }
@@ -275,18 +276,13 @@ impl Physics for MujocoPhysics {
     }
 
     fn world_from_body(&self, body: usize) -> Pose {
-        self.bodies[body].pose(self.data.qpos())
+        self.bodies.pose(body, self.data.qpos())
     }
 
     fn body_velocity(&self, body: usize) -> BodyVelocity {
-        let BodyPlace::Free { velocity, center_in_body, .. } = self.bodies[body] else {
-            return BodyVelocity { linear_m_per_s: Vector3::zeros(), angular_rad_per_s: Vector3::zeros() };
-        };
-        let v = &self.data.qvel()[velocity..velocity + 6];
-        let rotation = self.world_from_body(body).rotation;
-        // MuJoCo gives the velocity of the body's frame in the world and its turning in the body.
-        let angular = rotation * Vector3::new(v[3], v[4], v[5]);
-        let linear = Vector3::new(v[0], v[1], v[2]) + angular.cross(&(rotation * center_in_body));
+        let positions = self.data.qpos();
+        let center = self.bodies.center(body, positions);
+        let (linear, angular) = self.bodies.velocity_at(body, &center, (positions, self.data.qvel()));
         BodyVelocity { linear_m_per_s: linear, angular_rad_per_s: angular }
     }
 

@@ -75,6 +75,8 @@ pub struct CameraRig {
     scene: Scene,
     /// For each instance: what it moves with, and its pose there.
     carried: Vec<(Carrier, Pose)>,
+    /// For each body the one that it is seen as, and where it is in that one at the start.
+    wholes: Vec<(usize, Pose)>,
     /// The light that throws shadows.
     main_light: Option<usize>,
     renderer: Renderer,
@@ -106,7 +108,22 @@ impl CameraRig {
         let Builder { mut scene, carried, .. } = builder;
         (scene.lights, scene.ambient) = light.apply(&model.lights);
         let main_light = find_main(&model.lights);
-        Ok(Self { scene, carried, main_light, renderer: Renderer::default(), options: RenderOptions::default() })
+        let wholes = (0..model.bodies.len()).map(|body| (body, Pose::identity())).collect();
+        let (renderer, options) = (Renderer::default(), RenderOptions::default());
+        Ok(Self { scene, carried, wholes, main_light, renderer, options })
+    }
+
+    /// The same with the label of the body that each body is seen as: `wholes` says which.
+    pub fn showing(mut self, model: &SceneModel, wholes: &[usize]) -> Self {
+        for (instance, (carrier, _)) in self.scene.instances.iter_mut().zip(&self.carried) {
+            if let Carrier::Body(body) = *carrier {
+                instance.label = label_of_body(wholes[body]);
+            }
+        }
+        let pose = |body: usize| model.bodies[body].world_from_body;
+        let within = |(body, whole): (usize, &usize)| (*whole, pose(*whole).inv_mul(&pose(body)));
+        self.wholes = wholes.iter().enumerate().map(within).collect();
+        self
     }
 
     /// The true image of one camera. `body_poses` (world from body) follow `SceneModel::bodies`, `link_poses` (world from
@@ -147,10 +164,13 @@ impl CameraRig {
         self.renderer.render_into(&self.scene, model, world_from_camera, &self.options, image);
     }
 
-    /// Calls `visit` with the index of a scene body and a triangle of it, in the body's frame, for all that is drawn.
+    /// Calls `visit` with the index of a scene body and a triangle of it, in the body's frame, for all that is drawn. What is
+    /// seen as a part of another body is a part of that one, as it is at the start.
     pub(crate) fn visit_triangles(&self, mut visit: impl FnMut(usize, [Point3<f64>; 3])) {
-        for (instance, (carrier, body_from_shape)) in self.scene.instances.iter().zip(&self.carried) {
-            let Carrier::Body(body) = *carrier else { continue };
+        for (instance, (carrier, part_from_shape)) in self.scene.instances.iter().zip(&self.carried) {
+            let Carrier::Body(part) = *carrier else { continue };
+            let (body, body_from_part) = self.wholes[part];
+            let body_from_shape = if body == part { *part_from_shape } else { body_from_part * part_from_shape };
             let mesh = self.scene.mesh(instance.mesh);
             let corner = |vertex: u32| body_from_shape * mesh.positions()[vertex as usize].cast::<f64>();
             mesh.indices().iter().for_each(|triangle| visit(body, triangle.map(corner)));

@@ -21,7 +21,7 @@ pub struct BodyInertia {
     pub moments_kg_m2: Vector3<f64>,
 }
 
-/// Mass properties of a free body: as the scene says, else its mass spread over the colliding geoms by volume.
+/// Mass properties of a body that moves: as the scene says, else its mass spread over the colliding geoms by volume.
 ///
 /// # Errors
 /// [`PhysicsError::NoMass`] without a mass, [`PhysicsError::BadShape`] without volume.
@@ -86,7 +86,7 @@ pub(super) fn density<'a>(
     let volume: f32 = shapes.map(|shape| shape.mass_properties(1.0).mass()).sum();
     let density = body.mass_kg as f32 / volume;
     if !density.is_finite() {
-        let reason = "a free body needs a colliding geom with volume".into();
+        let reason = "a body that moves needs a colliding geom with volume".into();
         return Err(PhysicsError::BadShape { owner: body.name.clone(), reason });
     }
     Ok(density)

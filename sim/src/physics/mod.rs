@@ -17,6 +17,7 @@ mod rapier;
 mod robot_body;
 mod robot_spec;
 mod scene_body;
+mod scene_joint;
 mod settle;
 mod shapes;
 mod spin;

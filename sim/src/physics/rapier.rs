@@ -7,6 +7,7 @@ use super::motors::Motors;
 use super::robot_body::{BuiltRobot, build_robot, find_link_of_tag};
 use super::robot_spec::{RobotBody, RobotStart};
 use super::scene_body::{IgnoredPairs, insert_scene};
+use super::scene_joint::{StandingPart, find_standing, pose_of};
 use super::settle::settle_scene;
 use super::spin::PadSpin;
 use super::{BodyVelocity, Contact, ContactParty, Engine, JointTarget, Physics, PhysicsConfig, PhysicsError};
@@ -46,6 +47,7 @@ impl Engine for Rapier {
 pub struct RapierPhysics {
     world: PhysicsWorld,
     scene_bodies: Vec<RigidBodyHandle>,
+    standing: Vec<Option<StandingPart>>,
     robot: BuiltRobot,
     motors: Motors,
     spin: PadSpin,
@@ -69,6 +71,7 @@ impl RapierPhysics {
         check(&config)?;
         let mut world = new_world(config);
         let scene_bodies = insert_scene(&mut world, scene)?;
+        let standing = find_standing(scene, &world, &scene_bodies);
         let built = build_robot(robot, &mut world)?;
         let positions = robot.start_positions(&built.moving, start)?;
         place_robot(&mut world, &built, start, &positions);
@@ -79,6 +82,7 @@ impl RapierPhysics {
         Ok(Self {
             world,
             scene_bodies,
+            standing,
             robot: built,
             motors,
             spin: PadSpin::default(),
@@ -220,7 +224,7 @@ impl Physics for RapierPhysics {
     }
 
     fn world_from_body(&self, body: usize) -> Pose {
-        from_pose(self.world.bodies[self.scene_bodies[body]].position())
+        pose_of(body, &self.world, &self.scene_bodies, &self.standing)
     }
 
     fn body_velocity(&self, body: usize) -> BodyVelocity {

@@ -3,6 +3,7 @@
 use super::convert::to_pose;
 use super::inertia::{body_inertia, density};
 use super::robot_body::find_link_of_tag;
+use super::scene_joint::{insert_joints, stands_still};
 use super::shapes::scene_shape;
 use super::{ANGULAR_DAMPING_PER_S, LINEAR_DAMPING_PER_S, PhysicsError};
 use crate::scene::{BodyMotion, SceneBody, SceneGeom, SceneModel};
@@ -10,7 +11,7 @@ use rapier3d::math::{AngVector, Rotation};
 use rapier3d::prelude::*;
 use std::collections::BTreeSet;
 
-/// Puts the bodies of a scene and its ties into the engine.
+/// Puts the bodies of a scene, its joints and ties into the engine.
 pub(super) fn insert_scene(world: &mut PhysicsWorld, scene: &SceneModel) -> Result<Vec<RigidBodyHandle>, PhysicsError> {
     let colliding = || scene.bodies.iter().flat_map(|body| &body.geoms).filter(|geom| geom.collides);
     // Where all are of one kind nothing has to be told apart.
@@ -20,6 +21,7 @@ pub(super) fn insert_scene(world: &mut PhysicsWorld, scene: &SceneModel) -> Resu
         let is_excluded = scene.excluded.iter().any(|pair| pair.contains(&index));
         handles.push(insert_body(world, scene, index, body, (has_kinds, is_excluded))?);
     }
+    insert_joints(world, scene, &handles);
     for tie in &scene.ties {
         let [a, b] = tie.bodies.map(|body| handles[body]);
         let [at_a, at_b] = tie.body_from_tie.map(|pose| to_pose(&pose));
@@ -55,6 +57,8 @@ fn insert_body(
         BodyMotion::Free => RigidBodyBuilder::dynamic()
             .linear_damping(LINEAR_DAMPING_PER_S as f32)
             .angular_damping(ANGULAR_DAMPING_PER_S as f32),
+        // Damping is the joint's.
+        BodyMotion::Jointed => RigidBodyBuilder::dynamic().sleeping(stands_still(scene, index)?),
     };
     let handle = world.insert_body(builder.pose(to_pose(&body.world_from_body)));
     let mut shapes = Vec::new();

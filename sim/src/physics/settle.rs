@@ -1,8 +1,8 @@
 //! A scene left to itself, without a robot.
 
-use super::convert::from_pose;
 use super::rapier::new_world;
 use super::scene_body::{IgnoredPairs, insert_scene};
+use super::scene_joint::{find_standing, pose_of};
 use super::{PhysicsConfig, PhysicsError};
 use crate::scene::SceneModel;
 use dsm::Pose;
@@ -13,11 +13,12 @@ use std::collections::BTreeSet;
 pub(crate) fn settle_scene(scene: &SceneModel, span: Span, config: PhysicsConfig) -> Result<Vec<Pose>, PhysicsError> {
     let mut world = new_world(config);
     let handles = insert_scene(&mut world, scene)?;
+    let standing = find_standing(scene, &world, &handles);
     let filter = IgnoredPairs::new(scene, BTreeSet::new());
     for _ in 0..span.0 / config.step.0.max(1) {
         world.step_with_events(&filter, &());
     }
-    Ok(handles.into_iter().map(|handle| from_pose(world.bodies[handle].position())).collect())
+    Ok((0..handles.len()).map(|body| pose_of(body, &world, &handles, &standing)).collect())
 }
 
 #[cfg(test)]

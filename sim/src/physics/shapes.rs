@@ -26,7 +26,7 @@ fn positive(owner: &str, values: &[f64]) -> Result<(), PhysicsError> {
 
 /// The collision shape of a scene geom and its pose in the geom's frame.
 ///
-/// Meshes of free bodies become their convex hull, those of fixed bodies stay triangle meshes.
+/// Meshes of bodies that move become their convex hull, those of fixed bodies stay triangle meshes.
 pub(crate) fn scene_shape(
     scene: &SceneModel,
     owner: &str,
@@ -66,7 +66,7 @@ pub(crate) fn scene_shape(
             let mesh = scene.meshes.get(*mesh).ok_or_else(|| bad(owner, "the mesh index is out of range"))?;
             let points: Vec<Vector> = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
             let shape = match motion {
-                BodyMotion::Free => SharedShape::convex_hull(&points),
+                BodyMotion::Free | BodyMotion::Jointed => SharedShape::convex_hull(&points),
                 BodyMotion::Fixed => SharedShape::trimesh(points, mesh.indices.clone()).ok(),
             };
             centred(shape.ok_or_else(|| bad(owner, &format!("mesh `{}` encloses no volume", mesh.name)))?)

@@ -35,7 +35,8 @@ pub fn label_surfaces(scene: &Path, seed: u64) -> Result<(LabelledCloud, LabelCl
     let solids = Solids::new(&model)?;
     settle(&mut model, &semantics, &solids, &WorldConfig { seed, ..WorldConfig::default() })?;
     let bodies: Vec<Pose> = model.bodies.iter().map(|body| body.world_from_body).collect();
-    let mut rig = CameraRig::new(&model, &[], &LightDraw::unchanged())?;
+    let wholes = semantics.find_wholes(&model);
+    let mut rig = CameraRig::new(&model, &[], &LightDraw::unchanged())?.showing(&model, &wholes);
     let mut sightings = Sightings::new(&model, &semantics, &rig);
     let camera = CameraModel::from_vertical_fov(320, 240, VIEW_RAD);
     let mut image = TrueImage::default();

@@ -1,14 +1,16 @@
-//! Bodies: nesting resolved to world poses, masses; what is rigidly attached to a free body, or held fast at another
+//! Bodies: nesting resolved to world poses, masses; what is rigidly attached to a body that moves, or held fast at another
 //! body, merged into it.
 
 use super::defaults::is_default;
 use super::error::{Place, SceneError};
 use super::geom::{shape_of, volume_m3};
+use super::joints::SceneJoint;
+use super::live::{find_live_joints, joint_of};
 use super::model::{BodyMotion, MassSpread, SceneBody, SceneGeom, SceneMesh, SceneShape};
 use super::source::Source;
 use super::surface::Materials;
 use dsm::Pose;
-use mjcf_rs::body::{Body, InertiaSpec, Inertial, JointType};
+use mjcf_rs::body::{Body, Geom, InertiaSpec, Inertial, JointType};
 use mjcf_rs::compiler::InertiaFromGeom;
 use mjcf_rs::glam::{DQuat, DVec3};
 use nalgebra::{Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -22,8 +24,12 @@ const WORLD: usize = 0;
 
 /// Bodies of a scene, and what became of those of the file.
 pub(super) struct Bodies {
-    /// All bodies; index 0 is `world`.
+    /// All bodies; index 0 is `world`. Those on joints come last.
     pub bodies: Vec<SceneBody>,
+    /// Joints between them, in the order of the bodies that they move.
+    pub joints: Vec<SceneJoint>,
+    /// Parsed bodies that move on a joint.
+    pub live: Vec<usize>,
     /// For each parsed body the index of the one that it became a part of.
     pub owner: Vec<usize>,
     /// Parsed bodies with a free joint that touch nothing and so are held where they stand.
@@ -48,6 +54,8 @@ pub(super) struct Context<'a> {
     pub source: &'a Source,
     /// Body elements in document order; the parser keeps that order, the world first.
     nodes: Vec<Node<'a, 'a>>,
+    /// The whole document.
+    pub document: &'a Document<'a>,
     /// Geom elements in document order.
     geoms: Vec<Node<'a, 'a>>,
     /// Groups of geoms that add to the mass of their body.
@@ -73,12 +81,32 @@ impl<'a> Context<'a> {
         let range = elements().filter_map(|n| n.attribute("inertiagrouprange")).next_back().unwrap_or_default();
         let bounds: Vec<i32> = range.split_ascii_whitespace().flat_map(str::parse).collect();
         let weighing_groups = if let [low, high] = bounds[..] { low..=high } else { i32::MIN..=i32::MAX };
-        Self { model, meshes, source, nodes, geoms, weighing_groups }
+        Self { model, meshes, source, nodes, document, geoms, weighing_groups }
     }
 
     /// The element of a parsed body.
     pub(super) fn node(&self, id: usize) -> Option<Node<'a, 'a>> {
         id.checked_sub(1).and_then(|i| self.nodes.get(i)).copied()
+    }
+
+    /// Mass of a geom as far as it adds to that of its body, kilograms.
+    fn mass_of_geom(&self, geom: &Geom, shape: &SceneShape) -> f64 {
+        let by_volume = || geom.density.unwrap_or(self.model.compiler.inertia_density) * volume_m3(shape, self.meshes);
+        if self.weighing_groups.contains(&geom.group) { geom.mass.unwrap_or_else(by_volume) } else { 0.0 }
+    }
+
+    /// The inertia that is written for a body, where it counts.
+    fn written_inertia(&self, id: usize) -> Option<&Inertial> {
+        let counts = self.model.compiler.inertia_from_geom != InertiaFromGeom::True;
+        self.model.bodies[id].body.inertial.as_ref().filter(|_| counts)
+    }
+
+    /// Mass of a parsed body without what hangs on it, kilograms. Geoms that are no shapes weigh nothing here.
+    pub(super) fn mass_of_body(&self, id: usize) -> f64 {
+        let of_geom =
+            |geom: &Geom| shape_of(geom, self.meshes).map_or(0.0, |(_, shape)| self.mass_of_geom(geom, &shape));
+        let by_geoms = || self.model.bodies[id].body.geoms.iter().map(of_geom).sum();
+        self.written_inertia(id).map_or_else(by_geoms, |inertial| inertial.mass)
     }
 
     fn place_of_body(&self, id: usize) -> Place {
@@ -100,6 +128,8 @@ pub(super) fn build_bodies(context: &Context<'_>, materials: &mut Materials) -> 
     let (mut world_from, mut owner) = (Vec::with_capacity(count), Vec::with_capacity(count));
     let mut out: Vec<SceneBody> = Vec::new();
     let mut untouchable = Vec::new();
+    let live = find_live_joints(context);
+    let mut joints: Vec<SceneJoint> = Vec::new();
     // Mass and its spread by parsed body, in the frame of the owner.
     let mut parts: Vec<(f64, Option<MassSpread>)> = Vec::with_capacity(count);
     for (id, entry) in entries.iter().enumerate() {
@@ -125,19 +155,28 @@ pub(super) fn build_bodies(context: &Context<'_>, materials: &mut Materials) -> 
         // A door that is held fast is a part of its cupboard, not a thing of its own.
         let is_part = entry.body.joints.iter().any(|joint| joint.type_ != JointType::Free);
         let parent_owner: Option<usize> = parent.map(|p| owner[p]);
-        let merged = parent_owner.filter(|p| out[*p].motion == BodyMotion::Free || (is_part && *p != WORLD));
+        let joint = live[id].zip(parent_owner);
+        let merged = parent_owner
+            .filter(|p| joint.is_none() && (out[*p].motion != BodyMotion::Fixed || (is_part && *p != WORLD)));
         let index = merged.unwrap_or(out.len());
         owner.push(index);
+        if let Some((joint, carrier)) = joint {
+            let carrier_from_part = out[carrier].world_from_body.inv_mul(&pose);
+            let autolimits = context.model.compiler.autolimits;
+            joints.push(joint_of(joint, autolimits, &name, (index, carrier), &carrier_from_part));
+        }
         if merged.is_none() {
-            let motion = if free { BodyMotion::Free } else { BodyMotion::Fixed };
+            let motion = match joint {
+                Some(_) => BodyMotion::Jointed,
+                None if free => BodyMotion::Free,
+                None => BodyMotion::Fixed,
+            };
             let body = SceneBody { name, world_from_body: pose, motion, mass_kg: 0.0, spread: None, geoms: Vec::new() };
             out.push(body);
         }
         let body_from_part = out[index].world_from_body.inv_mul(&pose);
         let geom_mass_kg = add_geoms(context, materials, id, &body_from_part, &mut out[index])?;
-        let written = entry.body.inertial.as_ref();
-        let written = written.filter(|_| context.model.compiler.inertia_from_geom != InertiaFromGeom::True);
-        parts.push(match written {
+        parts.push(match context.written_inertia(id) {
             Some(inertial) => (inertial.mass, spread_of(inertial, &body_from_part)),
             None => (geom_mass_kg, None),
         });
@@ -146,11 +185,30 @@ pub(super) fn build_bodies(context: &Context<'_>, materials: &mut Materials) -> 
     out.iter_mut().enumerate().for_each(|(index, body)| hide_stand_ins(index == WORLD, body, materials));
     for (id, &index) in owner.iter().enumerate() {
         let body = &out[index];
-        if body.motion == BodyMotion::Free && !(body.mass_kg > 0.0 && body.mass_kg.is_finite()) {
+        if body.motion != BodyMotion::Fixed && !(body.mass_kg > 0.0 && body.mass_kg.is_finite()) {
             return Err(SceneError::NoMass { place: context.place_of_body(id), body: body.name.clone() });
         }
     }
-    Ok(Bodies { bodies: out, owner, untouchable, world_from })
+    let live = (0..count).filter(|id| live[*id].is_some()).collect();
+    let mut bodies = Bodies { bodies: out, joints, live, owner, untouchable, world_from };
+    bodies.put_jointed_last();
+    Ok(bodies)
+}
+
+impl Bodies {
+    /// Moves bodies on joints behind all others: the numbers of the others, and what is drawn by them, are the same whether
+    /// joints move or not.
+    fn put_jointed_last(&mut self) {
+        let mut order: Vec<usize> = (0..self.bodies.len()).collect();
+        order.sort_by_key(|index| self.bodies[*index].motion == BodyMotion::Jointed);
+        let mut place = vec![0; order.len()];
+        order.iter().enumerate().for_each(|(new, old)| place[*old] = new);
+        self.bodies.sort_by_key(|body| body.motion == BodyMotion::Jointed);
+        self.owner.iter_mut().for_each(|owner| *owner = place[*owner]);
+        for joint in &mut self.joints {
+            (joint.part, joint.carrier) = (place[joint.part], place[joint.carrier]);
+        }
+    }
 }
 
 /// Adds the geoms of a parsed body to the one that it is a part of; gives their mass in kilograms.
@@ -161,7 +219,6 @@ fn add_geoms(
     body_from_part: &Pose,
     body: &mut SceneBody,
 ) -> Result<f64, SceneError> {
-    let compiler = &context.model.compiler;
     let source: &Body = &context.model.bodies[id].body;
     let mut mass_kg = 0.0;
     for (number, geom) in source.geoms.iter().enumerate() {
@@ -171,10 +228,7 @@ fn add_geoms(
             value: format!("{} {} {}", geom.size[0], geom.size[1], geom.size[2]),
             expected: misfit,
         })?;
-        if context.weighing_groups.contains(&geom.group) {
-            let by_volume = || geom.density.unwrap_or(compiler.inertia_density) * volume_m3(&shape, context.meshes);
-            mass_kg += geom.mass.unwrap_or_else(by_volume);
-        }
+        mass_kg += context.mass_of_geom(geom, &shape);
         let material = materials.index_of(geom.material.as_deref(), geom.rgba);
         body.geoms.push(SceneGeom {
             name: geom.name.clone(),
@@ -233,9 +287,9 @@ fn spread_of(inertial: &Inertial, body_from_part: &Pose) -> Option<MassSpread> {
     (tensor.trace() > 0.0).then_some(spread)
 }
 
-/// Sums up the parts of free bodies. The spread is known when every part that weighs something has a written one.
+/// Sums up the parts of bodies that move. The spread is known when every part that weighs something has a written one.
 fn weigh(bodies: &mut [SceneBody], owner: &[usize], parts: &[(f64, Option<MassSpread>)]) {
-    for (index, body) in bodies.iter_mut().enumerate().filter(|(_, body)| body.motion == BodyMotion::Free) {
+    for (index, body) in bodies.iter_mut().enumerate().filter(|(_, body)| body.motion != BodyMotion::Fixed) {
         let own = || owner.iter().zip(parts).filter(|(owner, _)| **owner == index).map(|(_, part)| part);
         body.mass_kg = own().map(|(mass, _)| mass).sum();
         let weighty: Option<Vec<(f64, MassSpread)>> =

@@ -38,7 +38,7 @@ pub enum Finding {
         /// How deep, metres.
         depth_m: f64,
     },
-    /// A free body does not stay where the scene puts it.
+    /// A body that can move does not stay where the scene puts it.
     Moves {
         /// The body.
         body: String,
@@ -127,6 +127,8 @@ pub struct CheckedScene {
     pub bodies: usize,
     /// How many of them are free.
     pub free_bodies: usize,
+    /// How many of them move on a joint: doors, drawers.
+    pub jointed_bodies: usize,
     /// Categories in semantics.toml.
     pub categories: usize,
     /// What is not done as the file says, such as joints that are held fast: no fault of the scene.
@@ -160,11 +162,12 @@ pub fn check_scene(path: &Path, robot: RobotSize) -> Result<CheckedScene, WorldE
         findings.push(Finding::NoStartArea);
     }
     let categories: BTreeSet<&str> = semantics.objects.iter().map(|object| object.category.as_str()).collect();
-    let free_bodies = scene.bodies.iter().filter(|body| body.motion == BodyMotion::Free).count();
+    let count = |motion| scene.bodies.iter().filter(|body| body.motion == motion).count();
     Ok(CheckedScene {
         name: scene.name.clone(),
         bodies: scene.bodies.len() - 1,
-        free_bodies,
+        free_bodies: count(BodyMotion::Free),
+        jointed_bodies: count(BodyMotion::Jointed),
         categories: categories.len(),
         notes,
         findings: locate(findings, &scene_file(path))?,
@@ -221,20 +224,23 @@ pub(crate) fn find_overlaps(scene: &SceneModel, solids: &Solids) -> Vec<Finding>
     findings
 }
 
-/// Free bodies that are elsewhere after coming to rest; `settled` holds the poses of all bodies.
+/// Bodies that can move and are elsewhere after coming to rest; `settled` holds the poses of all bodies.
 pub fn find_movers(scene: &SceneModel, settled: &[Pose]) -> Vec<Finding> {
-    let free = scene.bodies.iter().zip(settled).filter(|(body, _)| body.motion == BodyMotion::Free);
-    free.filter_map(|(body, settled)| {
-        let motion = body.world_from_body.inv_mul(settled);
-        let (distance_m, turn_rad) = (motion.translation.vector.norm(), motion.rotation.angle());
-        let moves = distance_m > REST_MOVE_M || turn_rad > REST_TURN_RAD;
-        moves.then(|| Finding::Moves { body: body.name.clone(), distance_m, turn_rad })
-    })
-    .collect()
+    let movable = scene.bodies.iter().zip(settled).filter(|(body, _)| body.motion != BodyMotion::Fixed);
+    movable
+        .filter_map(|(body, settled)| {
+            let motion = body.world_from_body.inv_mul(settled);
+            let (distance_m, turn_rad) = (motion.translation.vector.norm(), motion.rotation.angle());
+            let moves = distance_m > REST_MOVE_M || turn_rad > REST_TURN_RAD;
+            moves.then(|| Finding::Moves { body: body.name.clone(), distance_m, turn_rad })
+        })
+        .collect()
 }
 
 fn find_unlisted(scene: &SceneModel, semantics: &Semantics) -> Vec<Finding> {
-    let unlisted = scene.bodies.iter().skip(1).filter(|body| semantics.find_object(&body.name).is_none());
+    // What moves on a joint belongs to what carries it unless it is listed.
+    let things = scene.bodies.iter().skip(1).filter(|body| body.motion != BodyMotion::Jointed);
+    let unlisted = things.filter(|body| semantics.find_object(&body.name).is_none());
     unlisted.map(|body| Finding::Unlisted { body: body.name.clone() }).collect()
 }
 

@@ -30,7 +30,7 @@ impl SceneModel {
         Ok(Self::load_with_notes(path)?.0)
     }
 
-    /// Loads a scene, and lists what in it is not done as the file says, such as joints that are held fast.
+    /// Loads a scene, and lists what in it is not done as the file says, such as ball joints, which are held fast.
     ///
     /// # Errors
     /// As [`Self::load`].
@@ -52,7 +52,8 @@ impl SceneModel {
         let context = Context::new(&model, &meshes, &source, &document);
         let bodies = build_bodies(&context, &mut materials)?;
         let mut notes = Notes::new(&source);
-        notes.walk(&document, &defaults);
+        let live: Vec<_> = bodies.live.iter().filter_map(|id| context.node(*id)).collect();
+        notes.walk(&document, &defaults, &live);
         bodies.untouchable.iter().filter_map(|id| context.node(*id)).for_each(|n| notes.add(n, Effect::TouchesNothing));
         let ties = find_ties(&model, &document, &bodies, &mut notes);
         let excluded = find_excluded(&model, &bodies);
@@ -61,6 +62,7 @@ impl SceneModel {
         let scene = Self {
             name: model.name.clone().or(stem).unwrap_or_default(),
             bodies: bodies.bodies,
+            joints: bodies.joints,
             materials: materials.list,
             textures,
             meshes,

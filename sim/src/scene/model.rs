@@ -1,5 +1,6 @@
 //! A parsed scene, free of any physics engine.
 
+use super::joints::SceneJoint;
 use dsm::Pose;
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -10,6 +11,8 @@ pub enum BodyMotion {
     Fixed,
     /// Six degrees of freedom.
     Free,
+    /// One degree of freedom against another body: see [`SceneModel::joints`].
+    Jointed,
 }
 
 /// A solid shape in its own frame, centred at the origin; axis of revolution along z. Metres.
@@ -109,7 +112,7 @@ pub struct MassSpread {
 /// Two bodies that a scene holds together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneTie {
-    /// Indices of the bodies; at least one of them is free.
+    /// Indices of the bodies; at least one of them moves.
     pub bodies: [usize; 2],
     /// Frame of the tie in either body: they are held one upon the other.
     pub body_from_tie: [Pose; 2],
@@ -213,8 +216,10 @@ pub struct SceneLight {
 pub struct SceneModel {
     /// Name of the scene.
     pub name: String,
-    /// Bodies; index 0 is `world`.
+    /// Bodies; index 0 is `world`. Those on joints come last, carriers before what they carry.
     pub bodies: Vec<SceneBody>,
+    /// Joints between bodies, in the order of the bodies that they move: one for each jointed body.
+    pub joints: Vec<SceneJoint>,
     /// Materials.
     pub materials: Vec<SceneMaterial>,
     /// Textures.

@@ -1,5 +1,6 @@
 //! What bodies are by their names, where nobody wrote it down.
 
+use super::joints::JointMotion;
 use dsm::knowledge::{Knowledge, normalize};
 
 /// Words at the end of a name that say which part of a thing a body is in the file, not what the thing is.
@@ -40,6 +41,13 @@ pub(super) fn find_category(knowledge: Option<&Knowledge>, body: &str, file_name
     }
 }
 
+/// What a part on a joint is called when nobody wrote it down: the last word of its body's name that is one, `drawer` for
+/// `dresser_1_drawer_2`; else by how it moves.
+pub(crate) fn name_of_part(body: &str, motion: JointMotion) -> String {
+    let by_motion = if motion == JointMotion::Slide { "drawer" } else { "door" };
+    telling_words(body).pop().filter(|word| !word.is_empty()).unwrap_or_else(|| by_motion.to_owned())
+}
+
 /// The words of a name without what counts or names parts at its end.
 fn telling_words(name: &str) -> Vec<String> {
     let name = normalize(name);
@@ -62,6 +70,15 @@ fn is_number(word: &str) -> bool {
 mod tests {
     //! Contract: the head of a name tells the kind, unknown names stay, parts of buildings are no objects.
     use super::*;
+
+    #[test]
+    fn parts_are_called_by_the_last_word_or_by_their_motion() {
+        let name = |body: &str, motion| name_of_part(body, motion);
+        assert_eq!(name("dresser_1_drawer_2", JointMotion::Slide), "drawer");
+        assert_eq!(name("microwave_lid_link", JointMotion::Hinge), "lid");
+        assert_eq!(name("body_3", JointMotion::Slide), "drawer");
+        assert_eq!(name("link_7", JointMotion::Hinge), "door");
+    }
 
     #[test]
     fn names_tell_kinds() {

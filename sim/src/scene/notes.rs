@@ -11,9 +11,10 @@ use std::path::PathBuf;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Effect {
-    /// A hinge, slide or ball joint: what hangs on it is rigidly attached.
+    /// A joint: what hangs on it is rigidly attached. So are ball joints, several joints of one body, joints that something
+    /// acts on, and those of parts without mass or without anything that collides.
     HeldFast,
-    /// It acts on joints, which are held fast.
+    /// It acts on joints, which are held fast for that.
     NoJoints,
     /// It constrains something that is not simulated.
     NotConstrained,
@@ -31,7 +32,7 @@ impl fmt::Display for Effect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::HeldFast => "held fast: what hangs on it does not move",
-            Self::NoJoints => "without effect: it acts on joints, and those are held fast",
+            Self::NoJoints => "without effect: the joints that it acts on are held fast",
             Self::NotConstrained => "not simulated: it holds nothing",
             Self::NotRead => "not read",
             Self::StandsStill => "at rest: nothing here moves it",
@@ -110,12 +111,17 @@ impl<'a> Notes<'a> {
         });
     }
 
-    /// Notes all that the document alone tells.
-    pub(super) fn walk<'d>(&mut self, document: &'d Document<'d>, defaults: &Defaults<'d>) {
+    /// Notes all that the document tells; `live` are the bodies whose joints move.
+    pub(super) fn walk<'d>(&mut self, document: &'d Document<'d>, defaults: &Defaults<'d>, live: &[Node<'d, 'd>]) {
+        let moves = |joint: Node<'d, 'd>| {
+            let body = joint.ancestors().find(|ancestor| ancestor.has_tag_name("body"));
+            body.is_some_and(|body| live.contains(&body))
+        };
         let elements = document.root_element().descendants().filter(Node::is_element);
         for node in elements.filter(|node| !is_default(node) && !node.has_tag_name("default")) {
             let block = node.parent().map(|parent| parent.tag_name().name()).unwrap_or_default();
             let effect = match (block, node.tag_name().name()) {
+                ("body" | "frame", "joint") if moves(node) => continue,
                 ("body" | "frame", "joint") if defaults.find(node, "type") != Some("free") => Effect::HeldFast,
                 ("body" | "frame" | "worldbody", "body") if node.attribute("mocap") == Some("true") => {
                     Effect::StandsStill

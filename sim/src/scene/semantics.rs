@@ -193,12 +193,30 @@ impl Semantics {
     /// As [`Self::from_body_names`]; what no name of a body tells, the stem of the file or the model's name may tell.
     fn from_names(scene: &SceneModel, stem: &str) -> Self {
         let knowledge = Knowledge::embedded().ok();
-        let shown = scene.bodies.iter().skip(1).filter(|body| body.geoms.iter().any(|geom| geom.visible));
+        let shown = |index: usize| scene.bodies[index].geoms.iter().any(|geom| geom.visible);
+        // A door is seen as a part of its cupboard; the cupboard may show nothing but its doors.
+        let is_part = |index: usize| scene.joints.iter().any(|joint| joint.part == index && joint.carrier != 0);
+        let has_parts = |index: usize| scene.joints.iter().any(|j| scene.hangs_on(j.part, index) && shown(j.part));
+        let things = (1..scene.bodies.len()).filter(|index| !is_part(*index) && (shown(*index) || has_parts(*index)));
+        let shown = things.map(|index| &scene.bodies[index]);
         let objects = shown.filter_map(|body| {
             let category = find_category(knowledge.as_ref(), &body.name, &[stem, &scene.name])?;
             Some(ObjectSemantics { body: body.name.clone(), category, ..ObjectSemantics::default() })
         });
         Self { version: 1, name: scene.name.clone(), objects: objects.collect(), ..Self::default() }
+    }
+
+    /// For each body of the scene the one that it is seen as: itself, but what moves on a joint is a part of what carries it
+    /// unless it is listed.
+    pub fn find_wholes(&self, scene: &SceneModel) -> Vec<usize> {
+        let mut wholes: Vec<usize> = (0..scene.bodies.len()).collect();
+        // Carriers come before what they carry.
+        for joint in &scene.joints {
+            if self.find_object(&scene.bodies[joint.part].name).is_none() {
+                wholes[joint.part] = wholes[joint.carrier];
+            }
+        }
+        wholes
     }
 
     /// What a body is, if it is an object.

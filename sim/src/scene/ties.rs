@@ -23,6 +23,9 @@ pub(super) fn find_excluded(model: &Model, bodies: &Bodies) -> Vec<[usize; 2]> {
         (a != b).then_some([a.min(b), a.max(b)])
     };
     let mut pairs: Vec<[usize; 2]> = model.contact.excludes.iter().filter_map(pair).collect();
+    // As in MuJoCo: what moves does not touch the part that moves on it, but all that stands does.
+    let on_moving = bodies.joints.iter().filter(|joint| bodies.bodies[joint.carrier].motion != BodyMotion::Fixed);
+    pairs.extend(on_moving.map(|joint| [joint.part.min(joint.carrier), joint.part.max(joint.carrier)]));
     pairs.sort_unstable();
     pairs.dedup();
     pairs
@@ -56,7 +59,7 @@ pub(super) fn find_ties(
             continue;
         };
         let owners = [bodies.owner[a], bodies.owner[b]];
-        let moves = owners.iter().any(|owner| bodies.bodies[*owner].motion == BodyMotion::Free);
+        let moves = owners.iter().any(|owner| bodies.bodies[*owner].motion != BodyMotion::Fixed);
         // What is off stays off, and what cannot move needs nothing that holds it.
         if !common.active || owners[0] == owners[1] || !moves {
             continue;

@@ -78,7 +78,7 @@ struct Draw<'a> {
     solids: &'a Solids,
     poses: Vec<Pose>,
     bounds: Vec<Option<Aabb>>,
-    /// What each body stands on.
+    /// What each body stands or hangs on.
     carrier: Vec<Option<usize>>,
 }
 
@@ -88,6 +88,10 @@ impl<'a> Draw<'a> {
         let bounds = poses.iter().enumerate().map(|(body, pose)| solids.find_bounds(body, pose)).collect();
         let mut draw = Self { solids, poses, bounds, carrier: Vec::new() };
         draw.carrier = (0..scene.bodies.len()).map(|body| draw.find_carrier(body)).collect();
+        // What hangs on a joint moves with what carries it, whatever it stands over.
+        for joint in &scene.joints {
+            draw.carrier[joint.part] = Some(joint.carrier).filter(|carrier| *carrier != 0);
+        }
         draw
     }
 

@@ -3,9 +3,9 @@
 use super::solids::{Column, Solids};
 use crate::detect::LabelImage;
 use crate::physics::{Contact, ContactParty, Physics};
-use crate::scene::{BodyMotion, SceneModel, SceneShape, Semantics};
+use crate::scene::{BodyMotion, JointMotion, SceneJoint, SceneModel, SceneShape, Semantics, name_of_part};
 use dsm::Pose;
-use dsm::eval::{TrueContact, TrueJoint, TrueObject, Truth};
+use dsm::eval::{TrueContact, TrueJoint, TrueObject, TruePart, Truth};
 use dsm::geometry::{Aabb, OrientedBox};
 use dsm::time::{Span, Stamp};
 use nalgebra::{Point3, Vector3};
@@ -36,6 +36,7 @@ pub(crate) struct TruthSampler {
     views: Receiver<Vec<usize>>,
     solids: Solids,
     objects: Vec<ObjectShape>,
+    parts: Vec<PartOnJoint>,
     body_names: Vec<String>,
     free: Vec<bool>,
     radius_m: f64,
@@ -53,6 +54,13 @@ pub(crate) struct TruthSampler {
 struct Poses {
     bodies: Vec<Pose>,
     links: Vec<Pose>,
+}
+
+/// What moves on a joint, and where the joint was in the last sample.
+struct PartOnJoint {
+    shape: ObjectShape,
+    joint: SceneJoint,
+    last: Option<(Stamp, f64)>,
 }
 
 /// An object and the box around its visible geometry, in its own frame.
@@ -73,15 +81,26 @@ impl TruthSampler {
         solids: Solids,
         (radius_m, height_m): (f64, f64),
     ) -> Self {
+        let wholes = semantics.find_wholes(scene);
         let object = |(index, body): (usize, &crate::scene::SceneBody)| {
             let category = semantics.find_object(&body.name)?.category.clone();
-            Some(ObjectShape { body: index, category, bounds_in_body: visible_bounds(scene, index) })
+            let members: Vec<usize> = (0..wholes.len()).filter(|member| wholes[*member] == index).collect();
+            Some(ObjectShape { body: index, category, bounds_in_body: visible_bounds(scene, index, &members) })
+        };
+        let part = |joint: &SceneJoint| {
+            let body = joint.part;
+            let name = &scene.bodies[body].name;
+            let listed = semantics.find_object(name).map(|object| object.category.clone());
+            let category = listed.unwrap_or_else(|| name_of_part(name, joint.motion));
+            let shape = ObjectShape { body, category, bounds_in_body: visible_bounds(scene, body, &[body]) };
+            PartOnJoint { shape, joint: joint.clone(), last: None }
         };
         Self {
             sender,
             views,
             solids,
             objects: scene.bodies.iter().enumerate().skip(1).filter_map(object).collect(),
+            parts: scene.joints.iter().map(part).collect(),
             body_names: scene.bodies.iter().map(|body| body.name.clone()).collect(),
             free: scene.bodies.iter().map(|body| body.motion == BodyMotion::Free).collect(),
             radius_m,
@@ -183,6 +202,7 @@ impl TruthSampler {
             velocity: *velocity,
         });
         let world_from_base = physics.world_from_base();
+        let parts = self.true_parts(physics.now(), poses);
         Truth {
             stamp: physics.now(),
             objects: self.objects.iter().map(|object| self.true_object(object, &poses.bodies[object.body])).collect(),
@@ -191,7 +211,29 @@ impl TruthSampler {
             clearance_m: self.find_clearance_m(&world_from_base, poses),
             in_view: self.in_view.clone(),
             joints: joints.collect(),
+            parts,
         }
+    }
+
+    fn true_parts(&mut self, now: Stamp, poses: &Poses) -> Vec<TruePart> {
+        let mut parts = std::mem::take(&mut self.parts);
+        let truth = parts.iter_mut().map(|part| {
+            let joint = &part.joint;
+            let position = joint.find_position(&poses.bodies[joint.carrier], &poses.bodies[joint.part]);
+            let before = part.last.replace((now, position));
+            TruePart {
+                object: self.true_object(&part.shape, &poses.bodies[joint.part]),
+                part_of: self.body_names[joint.carrier].clone(),
+                joint: joint.name.clone(),
+                slides: joint.motion == JointMotion::Slide,
+                position,
+                velocity: before.map_or(0.0, |(stamp, before)| (position - before) / (now - stamp).as_s()),
+                range: joint.range,
+            }
+        });
+        let truth = truth.collect();
+        self.parts = parts;
+        truth
     }
 
     fn true_object(&self, object: &ObjectShape, world_from_body: &Pose) -> TrueObject {
@@ -236,10 +278,17 @@ pub(super) fn find_in_view(image: &LabelImage, body_count: usize) -> Vec<usize> 
     (1..body_count).filter(|body| areas[*body] >= IN_VIEW_PX).collect()
 }
 
-/// The box around a body's visible geoms in its own frame; a point at its origin when there are none.
-fn visible_bounds(scene: &SceneModel, body: usize) -> Aabb {
+/// The box around the visible geoms of a body and others that are seen as it, in its own frame, as they are at the start; a
+/// point at its origin when there are none.
+fn visible_bounds(scene: &SceneModel, body: usize, members: &[usize]) -> Aabb {
     let mut corners: Vec<Point3<f64>> = Vec::new();
-    for geom in scene.bodies[body].geoms.iter().filter(|geom| geom.visible) {
+    let pose = |body: usize| scene.bodies[body].world_from_body;
+    let placed = members.iter().flat_map(|member| {
+        let body_from_member = if *member == body { Pose::identity() } else { pose(body).inv_mul(&pose(*member)) };
+        let shown = scene.bodies[*member].geoms.iter().filter(|geom| geom.visible);
+        shown.map(move |geom| (geom, body_from_member * geom.body_from_geom))
+    });
+    for (geom, body_from_geom) in placed {
         let half: Vector3<f64> = match &geom.shape {
             SceneShape::Plane { half_m: [x, y] } => Vector3::new(*x, *y, 0.0),
             SceneShape::Box { half_m } => *half_m,
@@ -251,20 +300,20 @@ fn visible_bounds(scene: &SceneModel, body: usize) -> Aabb {
             }
             SceneShape::Mesh { mesh } => {
                 let positions = &scene.meshes[*mesh].positions;
-                corners.extend(positions.iter().map(|p| geom.body_from_geom * p.cast::<f64>()));
+                corners.extend(positions.iter().map(|p| body_from_geom * p.cast::<f64>()));
                 continue;
             }
         };
         let symmetric = OrientedBox {
-            center: Point3::from(geom.body_from_geom.translation.vector),
+            center: Point3::from(body_from_geom.translation.vector),
             size: 2.0 * half,
-            rotation: geom.body_from_geom.rotation,
+            rotation: body_from_geom.rotation,
         };
         // Round shapes turned in their body would get too large a box from corners: their own extent is exact.
         match &geom.shape {
             SceneShape::Sphere { .. } => corners.extend([symmetric.center - half, symmetric.center + half]),
             SceneShape::Ellipsoid { radii_m } => {
-                let turn = geom.body_from_geom.rotation.to_rotation_matrix();
+                let turn = body_from_geom.rotation.to_rotation_matrix();
                 let reach = Vector3::from_fn(|row, _| {
                     (0..3).map(|i| (turn[(row, i)] * radii_m[i]).powi(2)).sum::<f64>().sqrt()
                 });

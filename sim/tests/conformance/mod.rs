@@ -1,14 +1,19 @@
 //! Contract of every [`Engine`]: bodies fall, rest, slide and stack as mechanics says; the robot's joints and base
-//! follow what they are told within their limits; friction alone holds what the gripper lifts; contacts are reported
-//! with their force; the same inputs give the same bytes.
+//! follow what they are told within their limits; friction alone holds what the gripper lifts; doors and drawers move on
+//! their joints, and stay where they are left; contacts are reported with their force; the same inputs give the same bytes.
 
 mod grip;
+mod joints;
 mod pairs;
 
 pub(crate) use grip::{
     a_grip_too_weak_for_the_weight_drops_the_object, fingers_that_lose_their_hold_do_not_shoot,
     friction_holds_what_the_gripper_lifts_and_carries, the_grip_force_never_exceeds_the_limit,
     what_is_held_aslant_does_not_turn_between_the_pads,
+};
+pub(crate) use joints::{
+    a_door_swings_when_it_is_pushed_and_stays, a_drawer_slides_out_by_its_handle_and_stops, a_lid_falls_with_its_box,
+    nothing_on_a_joint_moves_untouched, pulling_twice_gives_the_same_bytes, weight_springs_and_limits_act_on_joints,
 };
 pub(crate) use pairs::{
     a_written_center_of_mass_counts, kinds_and_exclusions_decide_what_touches, ties_hold_bodies_together,
@@ -373,6 +378,12 @@ macro_rules! conformance {
             kinds_and_exclusions_decide_what_touches
             ties_hold_bodies_together
             a_written_center_of_mass_counts
+            a_drawer_slides_out_by_its_handle_and_stops
+            a_door_swings_when_it_is_pushed_and_stays
+            nothing_on_a_joint_moves_untouched
+            weight_springs_and_limits_act_on_joints
+            a_lid_falls_with_its_box
+            pulling_twice_gives_the_same_bytes
         }
     };
     (@each $engine:expr; $($clause:ident)*) => {

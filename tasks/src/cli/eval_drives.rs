@@ -134,7 +134,7 @@ impl Drives {
 
 /// Writes a generated home below a folder.
 fn generate(seed: u64, folder: &Path) -> Result<PathBuf, TaskError> {
-    let config = HomeConfig { seed, rooms: HOME_ROOMS, objects: HOME_OBJECTS };
+    let config = HomeConfig { seed, rooms: HOME_ROOMS, objects: HOME_OBJECTS, ..HomeConfig::default() };
     let made = generate_home(&config).map_err(|error| TaskError::Usage(error.to_string()))?;
     let scene = folder.join(format!("home-{seed}"));
     write_scene(&made, &scene, false)?;

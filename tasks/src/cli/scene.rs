@@ -7,8 +7,8 @@ use crate::error::TaskError;
 use dsm::store::write_atomically;
 use dsm_sim::replay::label_surfaces;
 use dsm_sim::scene::{
-    GeneratedScene, HomeConfig, ImportError, Located, RobotSize, SceneNote, check_scene, generate_home, import_ithor,
-    summarise_notes,
+    Furniture, GeneratedScene, HomeConfig, ImportError, Located, RobotSize, SceneNote, check_scene, generate_home,
+    import_ithor, summarise_notes,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -27,6 +27,10 @@ pub enum SceneCommand {
         /// Objects, 10 to 600: furniture and the things on it.
         #[arg(long, default_value_t = 90)]
         objects: u32,
+        /// Furniture that can be opened: bar handles, doors and drawers with weight and friction, things in some drawers. All
+        /// else is as without.
+        #[arg(long)]
+        articulated: bool,
         #[command(flatten)]
         target: Target,
         #[command(flatten)]
@@ -90,6 +94,7 @@ struct SceneReport {
     scene: String,
     bodies: usize,
     free_bodies: usize,
+    jointed_bodies: usize,
     categories: usize,
     held_joints: usize,
     notes: Vec<SceneNote>,
@@ -116,8 +121,9 @@ struct WrittenReport {
 /// Runs a command on scenes.
 pub(super) fn run(command: SceneCommand) -> anyhow::Result<u8> {
     match command {
-        SceneCommand::Generate { seed, rooms, objects, target, result } => {
-            let made = generate_home(&HomeConfig { seed, rooms, objects });
+        SceneCommand::Generate { seed, rooms, objects, articulated, target, result } => {
+            let furniture = if articulated { Furniture::Articulated } else { Furniture::Plain };
+            let made = generate_home(&HomeConfig { seed, rooms, objects, furniture });
             write(&made.map_err(|error| TaskError::Usage(error.to_string()))?, &target, result)
         }
         SceneCommand::Import { layout, seed, target, result } => write(&import(&layout, seed)?, &target, result),
@@ -191,6 +197,7 @@ fn check(scene: &Path, result: ResultArgs) -> anyhow::Result<u8> {
         scene: checked.name,
         bodies: checked.bodies,
         free_bodies: checked.free_bodies,
+        jointed_bodies: checked.jointed_bodies,
         categories: checked.categories,
         held_joints,
         notes: checked.notes,
@@ -199,8 +206,8 @@ fn check(scene: &Path, result: ResultArgs) -> anyhow::Result<u8> {
     let found = !report.findings.is_empty();
     Output::new(result).give(&report, || {
         let mut text = format!(
-            "{}: {} bodies, {} of them free, {} categories\n",
-            report.scene, report.bodies, report.free_bodies, report.categories
+            "{}: {} bodies, {} of them free, {} on joints, {} categories\n",
+            report.scene, report.bodies, report.free_bodies, report.jointed_bodies, report.categories
         );
         for note in summarise_notes(&report.notes) {
             text.push_str(&format!("  note: {note}\n"));

@@ -119,7 +119,7 @@ fn generate(count: u32, folder: &Path, args: &SuiteArgs) -> Result<Vec<RunSpec>,
         let seed = first.checked_add(home).ok_or_else(|| TaskError::Usage("--seed is too large".into()))?;
         home += 1;
         let rooms = FEWEST_ROOMS + (seed % 3) as u32;
-        let config = HomeConfig { seed, rooms, objects: rooms * OBJECTS_PER_ROOM };
+        let config = HomeConfig { seed, rooms, objects: rooms * OBJECTS_PER_ROOM, ..HomeConfig::default() };
         let scene = generate_home(&config).map_err(|error| TaskError::Internal(error.to_string()))?;
         let home_folder = folder.join("homes").join(&scene.name);
         write_scene(&scene, &home_folder, true)?;

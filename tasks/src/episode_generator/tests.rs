@@ -7,7 +7,7 @@ use std::path::Path;
 
 fn load_home(seed: u64) -> (tempfile::TempDir, SceneModel, Semantics) {
     let folder = tempfile::tempdir().unwrap();
-    let scene = generate_home(&HomeConfig { seed, rooms: 5, objects: 90 }).unwrap();
+    let scene = generate_home(&HomeConfig { seed, rooms: 5, objects: 90, ..HomeConfig::default() }).unwrap();
     for (name, bytes) in &scene.files {
         let path = folder.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();

@@ -96,6 +96,7 @@ mod tests {
             clearance_m: None,
             in_view: Vec::new(),
             joints: Vec::new(),
+            parts: Vec::new(),
         }
     }
 

@@ -51,7 +51,7 @@ fn fixed_bodies_that_reach_into_each_other_are_named_once() {
 
 #[test]
 fn held_joints_are_listed_and_missing_start_areas_are_named() {
-    let door = "<body name=\"door\"><joint name=\"h\" axis=\"0 0 1\"/><geom size=\".1\" pos=\"0 0 1\"/></body>";
+    let door = "<body name=\"door\"><joint name=\"h\" type=\"ball\"/><geom size=\".1\" pos=\"0 0 1\"/></body>";
     let checked = check(door, None);
     let held: Vec<_> = checked.held_joints().map(|note| (note.name.as_deref(), note.line)).collect();
     assert_eq!(held, [(Some("h"), Some(2))]);

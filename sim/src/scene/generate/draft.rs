@@ -71,7 +71,7 @@ impl Geoms {
     }
 }
 
-/// A door or a drawer: a part of a body that a joint would move.
+/// A door or a drawer: a part of a body that a joint moves.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Part {
     /// `door_1`, `drawer_2`, ...
@@ -79,10 +79,22 @@ pub(super) struct Part {
     pub joint: Joint,
     /// Where its frame lies in the body, metres.
     pub at_m: [f64; 3],
+    /// The front first, then its handle.
     pub geoms: Geoms,
+    /// What it takes to move it, where that is as in real furniture.
+    pub feel: Option<Feel>,
 }
 
-/// How a part would move; travel begins closed.
+/// What it takes to move a part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Feel {
+    /// Dry friction of the joint, newtons or newton metres.
+    pub friction: f64,
+    /// Damping, newtons or newton metres for each unit of speed.
+    pub damping: f64,
+}
+
+/// How a part moves; travel begins closed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Joint {
     /// About the vertical through the part's frame; radians, left or right.

@@ -1,5 +1,6 @@
 //! A home from a seed.
 
+use super::articulate::articulate;
 use super::catalog::find_category;
 use super::clutter::lay_things;
 use super::draft::{Body, Draft, Meaning, Moves, RoomOutline};
@@ -18,8 +19,18 @@ const FURNITURE_SHARE: f64 = 0.5;
 /// Floor plans that are tried for a home.
 const PLANS: u64 = 8;
 
+/// How doors and drawers are made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Furniture {
+    /// For the eye: blocks as handles, loose joints, nothing inside. The default.
+    #[default]
+    Plain,
+    /// To be opened: bar handles, weight and friction as in real furniture, things in some drawers. All else is the same.
+    Articulated,
+}
+
 /// What to generate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HomeConfig {
     /// Seed of all draws.
     pub seed: u64,
@@ -27,6 +38,8 @@ pub struct HomeConfig {
     pub rooms: u32,
     /// Objects, 10 to 600: furniture and things together.
     pub objects: u32,
+    /// How doors and drawers are made.
+    pub furniture: Furniture,
 }
 
 /// Makes a home.
@@ -53,7 +66,14 @@ pub fn generate_home(config: &HomeConfig) -> Result<GeneratedScene, GenerateErro
         most = most.max(placed.len());
         if placed.len() >= wanted {
             let shell = plan.build_shell(&mut rng);
-            return Ok(write_scene(&draft(config, &plan, shell, placed)));
+            let mut draft = draft(config, &plan, shell, placed);
+            if config.furniture == Furniture::Articulated {
+                let mut kinds: Vec<_> = plan.rooms.iter().flat_map(|room| room.kind.usual_things()).copied().collect();
+                kinds.sort_unstable();
+                kinds.dedup();
+                articulate(&mut draft, config.seed, &kinds);
+            }
+            return Ok(write_scene(&draft));
         }
     }
     Err(GenerateError::Full { rooms: config.rooms as usize, objects: most, seed: config.seed })
@@ -72,8 +92,11 @@ fn draft(config: &HomeConfig, plan: &Plan, shell: Vec<(String, super::draft::Geo
     Draft {
         name: format!("home_{}", config.seed),
         origin: format!(
-            "Generated: dsm scene generate --seed {} --rooms {} --objects {}",
-            config.seed, config.rooms, config.objects
+            "Generated: dsm scene generate --seed {} --rooms {} --objects {}{}",
+            config.seed,
+            config.rooms,
+            config.objects,
+            if config.furniture == Furniture::Articulated { " --articulated" } else { "" }
         ),
         shell,
         bodies,

@@ -3,6 +3,7 @@
 //! A scene is made as a draft of simple shapes and then written as the two texts that every scene consists of. The same
 //! seed gives the same bytes. Nothing here touches a file: the caller writes what it gets.
 
+mod articulate;
 mod catalog;
 mod clutter;
 mod draft;
@@ -20,7 +21,7 @@ mod things;
 mod walkable;
 mod write;
 
-pub use home::{HomeConfig, generate_home};
+pub use home::{Furniture, HomeConfig, generate_home};
 pub use ithor::{ImportError, import_ithor};
 
 use rand::{RngExt, SeedableRng};

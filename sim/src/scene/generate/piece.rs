@@ -71,6 +71,7 @@ impl Piece {
                 joint: Joint::Hinge { open_rad: -inward * 1.7 },
                 at_m: [hinge_x, -hy - 0.009, 0.5 * (low_m + high_m)],
                 geoms,
+                feel: None,
             });
         }
     }
@@ -97,6 +98,7 @@ impl Piece {
                 joint: Joint::Slide { open_m: 1.2 * hy },
                 at_m: [0.0, -hy - 0.009, low_m + height * (index as f64 + 0.5)],
                 geoms,
+                feel: None,
             });
         }
     }

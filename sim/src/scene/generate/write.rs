@@ -1,6 +1,7 @@
 //! A draft as files: MJCF, semantics and textures.
 
 use super::GeneratedScene;
+use super::articulate::mass_kg;
 use super::draft::{Body, Draft, Geom, Joint, Part, Rect, Shape};
 use super::finish::{Finish, Material, Pattern};
 use super::texture::{draw_texture, repeats};
@@ -167,12 +168,18 @@ fn write_part(xml: &mut String, body: &Body, part: &Part) {
         Joint::Slide { open_m } => ("slide", "0 -1 0", open_m),
     };
     let range = numbers(&[open.min(0.0), open.max(0.0)]);
-    let _ = writeln!(
-        xml,
-        "        <joint name=\"{name}\" type=\"{kind}\" axis=\"{axis}\" range=\"{range}\" damping=\"1\"/>"
+    let feel = part.feel.map_or_else(
+        || "damping=\"1\"".to_owned(),
+        |feel| format!("damping=\"{}\" frictionloss=\"{}\"", number(feel.damping), number(feel.friction)),
     );
+    let _ = writeln!(xml, "        <joint name=\"{name}\" type=\"{kind}\" axis=\"{axis}\" range=\"{range}\" {feel}/>");
     for geom in &part.geoms.0 {
-        let _ = writeln!(xml, "        <geom{}/>", geom_text(geom));
+        let _ = write!(xml, "        <geom{}", geom_text(geom));
+        if part.feel.is_some() {
+            let (mass, friction) = (mass_kg(geom.shape), number(geom.finish.material.friction()));
+            let _ = write!(xml, " mass=\"{mass:.5}\" friction=\"{friction} 0.005 0.0001\" condim=\"4\"");
+        }
+        xml.push_str("/>\n");
     }
     xml.push_str("      </body>\n");
 }
