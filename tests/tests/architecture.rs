@@ -109,6 +109,9 @@ fn foreign_libraries_stay_behind_their_fences() {
         "models only in dsm/models",
     );
     assert_none(find(&sources, &["ros2_client", "rustdds"], within("robot/ros2/")), "ROS 2 only in robot/ros2");
+    let viewers = ["mcap::", "re_build_info", "re_chunk", "re_log_encoding", "re_log_types", "re_sdk_types"];
+    let files = |path: &str| path == "tasks/src/mcap_file.rs" || path.ends_with("/rerun_file.rs");
+    assert_none(find(&sources, &viewers, files), "recordings for viewers are written by one file each");
     let solver: Vec<String> = find(&sources, &["clarabel"], |_| false);
     let files: std::collections::BTreeSet<&str> = solver.iter().filter_map(|place| place.split(':').next()).collect();
     assert_eq!(files.len(), 1, "clarabel stands in one file: {files:?}");
