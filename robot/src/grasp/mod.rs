@@ -12,6 +12,7 @@ mod antipodal;
 mod candidates;
 mod cloud;
 mod config;
+mod contact;
 mod hand;
 mod placement;
 mod refine;

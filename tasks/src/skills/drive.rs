@@ -297,8 +297,8 @@ enum HeldUp {
 
 /// Something unseen holds up what was `sent`: drives a little the other way, and remembers where if it was the base.
 fn come_free(agent: &mut Agent, sent: Twist) -> Result<HeldUp, Halt> {
-    const SPEED_M_PER_S: f64 = 0.12;
-    const DURATION: Span = Span(1_500_000_000);
+    const SPEED_M_PER_S: f64 = 0.09;
+    const DURATION: Span = Span(2_000_000_000);
     /// The thing is a little beyond the footprint, metres.
     const BEYOND_M: f64 = 0.04;
     /// A robot that sticks out of its footprint by less is folded, metres.

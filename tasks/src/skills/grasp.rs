@@ -53,7 +53,7 @@ impl Default for GraspSettings {
             max_attempts: 4,
             grip_force_n: 36.0,
             free_speed_m_per_s: 0.3,
-            approach_speed_m_per_s: 0.1,
+            approach_speed_m_per_s: 0.09,
             step_speed_m_per_s: 0.2,
             min_width_m: 0.008,
         }

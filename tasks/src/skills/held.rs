@@ -20,8 +20,8 @@ use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
 
 /// Distance backed off from the place of the grasp, metres.
 const BACK_M: f64 = 0.5;
-/// Speed of the base while it backs off, metres per second.
-const BACK_SPEED_M_PER_S: f64 = 0.15;
+/// Speed of the base while it backs off, metres per second: out of a shelf the arm may brush what no camera shows.
+const BACK_SPEED_M_PER_S: f64 = 0.09;
 /// Greatest joint error with which the arm counts as folded, radians.
 const FOLDED_RAD: f64 = 0.2;
 /// A load with sides in this ratio has room where a round one of its length has none.

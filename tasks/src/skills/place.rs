@@ -21,8 +21,11 @@ use dsm_robot::model::{Configuration, RobotModel};
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2, wrap_angle};
 use nalgebra::{Point2, Point3, Translation3, UnitQuaternion, Vector3};
 
-/// Attempts before the skill gives up.
-const MAX_ATTEMPTS: usize = 3;
+/// Attempts before the skill gives up, and those after which no spot means that there is none.
+const MAX_ATTEMPTS: usize = 5;
+const MAX_LOOKS: usize = 3;
+/// Nothing has moved when there is no spot to go to.
+const NO_SPOT: &str = "no free spot on the surface can be reached";
 /// The load is let go this far above the surface, metres.
 const LET_GO_ABOVE_M: f64 = 0.006;
 /// The load comes from this far above its place, metres.
@@ -52,17 +55,17 @@ pub fn place(
             Ok(reason) => return Ok(Outcome::Done(reason)),
             Err((stage, reason)) => {
                 agent.note(format!("place attempt {attempt} failed ({stage:?}): {reason}"));
-                let nowhere = stage == Stage::Planning;
+                let nowhere = reason == NO_SPOT;
                 last = (stage, reason);
                 if agent.held().is_some() && agent.grip_state()?.width_m < settings.min_width_m {
                     agent.hold(None);
                     last = (Stage::Hold, "the object slipped out of the fingers on the way".into());
                 }
-                if agent.held().is_none() {
+                if agent.held().is_none() || nowhere && attempt + 1 >= MAX_LOOKS {
                     break;
                 }
                 if nowhere {
-                    // Nothing has moved: a look from near, and less room, may show a spot.
+                    // A look from near, and less room, may show a spot.
                     navigate_to_object(agent, nav, surface, None)?;
                     continue;
                 }
@@ -121,7 +124,7 @@ fn try_place(
     let nav = &carrying(agent, nav, &goals)?;
     let choices = choose_stands(agent, nav, held, surface, spare(attempt))?;
     let Some((spot, approach)) = choices.get(attempt.min(choices.len().saturating_sub(1))).cloned() else {
-        return Ok(Err((Stage::Planning, "no free spot on the surface can be reached".into())));
+        return Ok(Err((Stage::Planning, NO_SPOT.into())));
     };
     let at = spot.point;
     agent.note(format!("a free spot at ({:.2}, {:.2}, {:.2})", at.x, at.y, at.z));

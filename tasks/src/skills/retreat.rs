@@ -13,7 +13,8 @@ use nalgebra::{Point3, Translation3};
 /// Opens the hand, backs off with arm and base, and folds the arm, best effort.
 pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
     const BACK_M: f64 = 0.45;
-    const SPEED_M_PER_S: f64 = 0.15;
+    /// What the arm brushes on its way out, where no camera looks, it brushes slowly.
+    const SPEED_M_PER_S: f64 = 0.09;
     let opening_m = agent.model().settings.gripper.max_aperture_m;
     agent.grip(opening_m, 10.0);
     agent.rest(Span::from_s(0.6))?;
