@@ -78,7 +78,8 @@ impl HandConfig {
 pub struct GraspConfig {
     /// The gripper.
     pub hand: HandConfig,
-    /// The aperture must exceed the object's width by this, metres. Default 0.015, range 0 to 0.1.
+    /// The aperture must exceed the object's width as the map has it by this, metres: the wrist looks again. Default 0.01,
+    /// range 0 to 0.1.
     #[schemars(range(min = 0.0, max = 0.1))]
     pub aperture_margin_m: f64,
     /// How much wider than the object the hand opens for its approach, metres. Default 0.045, range 0.005 to 0.1.
@@ -116,7 +117,7 @@ impl Default for GraspConfig {
     fn default() -> Self {
         Self {
             hand: HandConfig::default(),
-            aperture_margin_m: 0.015,
+            aperture_margin_m: 0.01,
             opening_margin_m: 0.045,
             clearance_m: 0.004,
             support_clearance_m: 0.008,

@@ -212,12 +212,35 @@ fn fit_block(points: &[Point3<f64>], support_z_m: f64, top_m: f64) -> Option<(Sh
     let center =
         Point3::new(middle.x * cos - middle.y * sin, middle.x * sin + middle.y * cos, 0.5 * (top_m + support_z_m));
     let size = Vector3::new(high.x - low.x, high.y - low.y, (top_m - support_z_m).max(0.002));
-    let distances = points.iter().map(|p| {
+    let from_sides = |p: &Point3<f64>| {
         let (x, y) = (p.x * cos + p.y * sin - middle.x, p.y * cos - p.x * sin - middle.y);
-        let sides = (0.5 * size.x - x.abs()).abs().min((0.5 * size.y - y.abs()).abs());
-        sides.min((p.z - top_m).abs())
+        (0.5 * size.x - x.abs(), 0.5 * size.y - y.abs())
+    };
+    let lid_m = find_lid_m(points, &from_sides, support_z_m, top_m);
+    let distances = points.iter().map(|p| {
+        let (x, y) = from_sides(p);
+        x.abs().min(y.abs()).min((p.z - top_m).abs()).min((p.z - lid_m).abs())
     });
     Some((Shape::Block { center, size, yaw_rad }, residual_of(distances)?))
+}
+
+/// Height of a box's lid, which lies below its top when something stands out of it: the tissue of a tissue box.
+fn find_lid_m(
+    points: &[Point3<f64>],
+    from_sides: impl Fn(&Point3<f64>) -> (f64, f64),
+    support_z_m: f64,
+    top_m: f64,
+) -> f64 {
+    /// Points of the lid lie so far inside the sides, metres.
+    const INSIDE_M: f64 = 0.01;
+    /// What is lower is the inside of something open.
+    const LOWEST: f64 = 0.6;
+    let inside = points.iter().filter(|p| {
+        let (x, y) = from_sides(p);
+        x.min(y) > INSIDE_M
+    });
+    let lid_m = quantile(inside.map(|p| p.z), 0.5).unwrap_or(top_m);
+    if lid_m > support_z_m + LOWEST * (top_m - support_z_m) { lid_m } else { top_m }
 }
 
 #[cfg(test)]
@@ -287,6 +310,18 @@ mod tests {
         let points: Vec<Point3<f64>> =
             face.map(|(x, z)| Point3::new(2.0 + 0.1 * x, 1.0 + bulge(0.1 * x), 0.84 + 0.1 * z)).collect();
         match Shape::fit(&points, 0.84) {
+            Some(Shape::Block { size, .. }) => assert!(size.x.max(size.y) < 0.12, "{size:?}"),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_tissue_makes_its_box_no_cylinder() {
+        let center = Point3::new(1.0, 2.0, 0.855);
+        let all = block(center, Vector3::repeat(0.11), 0.4, 0.003, 4000, 5);
+        let mut points = seen_from(&all, &center, Vector3::new(-1.0, 0.2, 0.9), 0.0);
+        points.extend(sphere(center + Vector3::new(0.0, 0.0, 0.06), 0.018, 0.002, 250, 6));
+        match Shape::fit(&points, 0.8) {
             Some(Shape::Block { size, .. }) => assert!(size.x.max(size.y) < 0.12, "{size:?}"),
             other => panic!("{other:?}"),
         }

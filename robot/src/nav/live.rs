@@ -67,6 +67,10 @@ const IMPOSSIBLE_M: f64 = 0.04;
 
 /// No arm reaches what is farther from the camera, metres.
 const SURFACE_RANGE_M: f64 = 1.4;
+/// Surfaces are remembered so long: the arm hides what it reaches into, and the base stands.
+const SURFACE_MEMORY: Span = Span(15_000_000_000);
+/// What is seen so far behind a voxel clears it, metres: noise of depth, and the voxel itself.
+const CLEARED_M: f64 = 0.06;
 
 /// Obstacles of the last seconds: cells over the floor, and voxels near the arm, with the moment each was seen last. World
 /// frame.
@@ -84,6 +88,7 @@ impl LiveObstacles {
     pub fn observe(&mut self, frame: &RgbdFrame, bodies: &[OrientedBox], config: &LiveConfig) {
         let memory = Span::from_s(config.memory_s);
         self.cells.retain(|_, seen| frame.stamp - *seen <= memory);
+        self.voxels.retain(|_, seen| frame.stamp - *seen <= SURFACE_MEMORY);
         let bodies = BoxUnion::new(bodies, BODY_MARGIN_M);
         let mut counts: BTreeMap<[i32; 2], u16> = BTreeMap::new();
         let (width, height) = (frame.model.width as usize, frame.model.height as usize);
@@ -112,10 +117,17 @@ impl LiveObstacles {
     /// Counts the surfaces of a frame in that are within reach, for an arm that sticks out of the footprint: the map keeps
     /// few points of large things, and misses thin edges of them. `bodies` as for [`Self::observe`].
     pub fn observe_surfaces(&mut self, frame: &RgbdFrame, bodies: &[OrientedBox], config: &LiveConfig) {
-        let memory = Span::from_s(config.memory_s);
-        self.voxels.retain(|_, seen| frame.stamp - *seen <= memory);
-        let bodies = BoxUnion::new(bodies, BODY_MARGIN_M);
+        let camera_from_world = frame.world_from_camera.inverse();
         let (width, height) = (frame.model.width as usize, frame.model.height as usize);
+        self.voxels.retain(|voxel, seen| {
+            let point = camera_from_world * middle_of(*voxel);
+            let pixel = frame.model.find_pixel(&point);
+            let depth = pixel.map(|(column, row)| f64::from(frame.depth_m[row as usize * width + column as usize]));
+            // Gone when something farther shows where it was.
+            let is_gone = depth.is_some_and(|depth| depth > point.z + CLEARED_M);
+            frame.stamp - *seen <= SURFACE_MEMORY && !is_gone
+        });
+        let bodies = BoxUnion::new(bodies, BODY_MARGIN_M);
         let pixels = (0..height).step_by(STRIDE).flat_map(|row| (0..width).step_by(STRIDE).map(move |c| (row, c)));
         let mut hits: Vec<[i32; 3]> = pixels
             .filter_map(|(row, column)| {
@@ -135,7 +147,7 @@ impl LiveObstacles {
 
     /// Centres of the voxels that hold a surface.
     pub fn surfaces(&self) -> impl Iterator<Item = Point3<f64>> + '_ {
-        self.voxels.keys().map(|voxel| Point3::from(voxel.map(|v| (f64::from(v) + 0.5) * Self::VOXEL_M)))
+        self.voxels.keys().map(|voxel| middle_of(*voxel))
     }
 
     /// Centres of the cells that hold something.
@@ -193,6 +205,10 @@ pub struct SpeedLimits {
 impl SpeedLimits {
     /// Nothing is in the way.
     pub const NONE: Self = Self { forward_m_per_s: f64::INFINITY, backward_m_per_s: f64::INFINITY, ahead: None };
+}
+
+fn middle_of(voxel: [i32; 3]) -> Point3<f64> {
+    Point3::from(voxel.map(|v| (f64::from(v) + 0.5) * LiveObstacles::VOXEL_M))
 }
 
 fn cell_of(point: &Point2<f64>) -> [i32; 2] {
@@ -266,9 +282,23 @@ mod tests {
             board.iter().all(|point| (point.x - 1.0).abs() < LiveObstacles::VOXEL_M && point.y.abs() < 0.15),
             "{board:?}"
         );
-        let mut empty = frame(6.0);
-        empty.depth_m.fill(0.0);
-        live.observe_surfaces(&empty, &[], &LiveConfig::default());
+        // The arm before the camera hides it; a wall behind it shows that it has gone; at last it is forgotten.
+        let at = |stamp_s: f64, depth_m: f32| {
+            let mut other = frame(stamp_s);
+            other.depth_m.fill(depth_m);
+            other
+        };
+        let hidden = OrientedBox {
+            center: Point3::new(0.4, 0.0, 1.0),
+            size: Vector3::repeat(0.7),
+            rotation: UnitQuaternion::identity(),
+        };
+        let mut hides = live.clone();
+        hides.observe_surfaces(&at(6.0, 0.4), &[hidden], &LiveConfig::default());
+        assert!(hides.surfaces().filter(|point| point.x > 0.9).count() > 30);
+        hides.observe(&at(20.0, 0.0), &[], &LiveConfig::default());
+        assert_eq!(hides.surfaces().count(), 0);
+        live.observe_surfaces(&at(6.0, 3.0), &[], &LiveConfig::default());
         assert_eq!(live.surfaces().count(), 0);
     }
 

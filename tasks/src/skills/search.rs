@@ -8,6 +8,7 @@ use dsm::ground::{
 use dsm::knowledge::Knowledge;
 use dsm::map::{AttributeKind, Map, MapObject, ObjectId};
 use dsm::time::{Span, Stamp};
+use nalgebra::{Point2, Point3};
 use std::sync::Arc;
 
 /// Exploration stops early only for a grounding that scores at least this.
@@ -59,9 +60,9 @@ pub fn search(
     end: Stamp,
 ) -> Result<Grounding, Halt> {
     if thoroughness == Thoroughness::Enough && explorer.is_complete() {
-        // On a finished map what is plain needs no further look.
+        // On a finished map what is plain needs no further look; a small thing nearer to what is named may be missed.
         let known = answer(agent, grounder, text)?;
-        if is_sure(&known) {
+        if is_sure(&known) && !(says_closest(&known) && is_small(agent.map(), &known)) {
             return Ok(known);
         }
     }
@@ -106,7 +107,9 @@ pub fn search(
     let doubtful = match first.status {
         GroundingStatus::Unparsed => return Ok(first),
         // Who says "the closest" knows of another one, which may be closer.
-        GroundingStatus::Found if compares_but_one(&first) => named.find_carriers_by_anchors(agent.map(), knowledge),
+        GroundingStatus::Found if compares_but_one(&first) => named.find_carriers(agent.map(), knowledge, None),
+        // So may one that nobody has seen yet, on what stands nearer.
+        GroundingStatus::Found if says_closest(&first) => named.find_carriers(agent.map(), knowledge, first.object_id),
         GroundingStatus::Found if is_sure(&first) => return Ok(first),
         // What is only nearly as the words say is taken when a second look shows nothing better.
         GroundingStatus::Found => named.find_places(agent.map(), knowledge),
@@ -125,6 +128,19 @@ fn compares_but_one(answer: &Grounding) -> bool {
     let compares =
         |query: &Query| !query.target.selections.is_empty() || query.target.relations.iter().any(is_comparison);
     answer.candidates.len() == 1 && answer.query.as_ref().is_some_and(compares)
+}
+
+/// Whether the words ask for the closest of several.
+fn says_closest(answer: &Grounding) -> bool {
+    let is_closest = |relation: &RelationTerm| relation.word == RelationWord::Closest;
+    answer.query.as_ref().is_some_and(|query| query.target.relations.iter().any(is_closest))
+}
+
+/// Whether the answer is a thing that exploring can miss; furniture is not.
+fn is_small(map: &Map, answer: &Grounding) -> bool {
+    const SMALL_M: f64 = 0.3;
+    let object = answer.object_id.and_then(|id| map.find_object(id));
+    object.is_some_and(|object| object.bounds.size.max() < SMALL_M)
 }
 
 fn is_comparison(relation: &RelationTerm) -> bool {
@@ -218,17 +234,24 @@ impl Named {
         places
     }
 
-    /// What can carry things, the nearest to the named anchors first.
-    fn find_carriers_by_anchors(&self, map: &Map, knowledge: &Knowledge) -> Vec<ObjectId> {
+    /// What can carry things, the nearest to the named anchors first; only what is nearer than an object, if one is given.
+    fn find_carriers(&self, map: &Map, knowledge: &Knowledge, nearer_than: Option<ObjectId>) -> Vec<ObjectId> {
         let anchors = Self { things: self.things.iter().skip(1).cloned().collect(), rooms: Vec::new() };
         let anchors = anchors.find_in(map, knowledge);
         let centers: Vec<_> = anchors.iter().filter_map(|id| Some(map.find_object(*id)?.bounds.center)).collect();
         let distance_m = |object: &MapObject| {
-            let distances = centers.iter().map(|center| (center - object.bounds.center).xy().norm());
-            distances.fold(f64::INFINITY, f64::min)
+            let bounds = object.bounds.aabb();
+            let gap_m = |center: &Point3<f64>| {
+                let nearest =
+                    Point2::new(center.x.clamp(bounds.min.x, bounds.max.x), center.y.clamp(bounds.min.y, bounds.max.y));
+                (center.xy() - nearest).norm()
+            };
+            centers.iter().map(gap_m).fold(f64::INFINITY, f64::min)
         };
+        let most_m = nearer_than.and_then(|id| map.find_object(id)).map_or(f64::INFINITY, distance_m);
         let carriers = map.stable_objects().filter(|object| carries(object) && !anchors.contains(&object.id));
         let mut near: Vec<(f64, ObjectId)> = carriers.map(|object| (distance_m(object), object.id)).collect();
+        near.retain(|(distance_m, _)| *distance_m < most_m);
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.into_iter().take(FEW_LOOKS).map(|(_, id)| id).collect()
     }
@@ -286,11 +309,15 @@ mod tests {
         let text = "the ball closest to the laundry basket";
         let answer = grounder.ground(&map, text, None);
         assert!(is_sure(&answer) && compares_but_one(&answer));
-        let looks = named_in(&knowledge, answer.query.as_ref()).find_carriers_by_anchors(&map, &knowledge);
+        let looks = named_in(&knowledge, answer.query.as_ref()).find_carriers(&map, &knowledge, None);
         assert_eq!(looks, [2, 3].map(ObjectId), "the bookshelf is the nearest place where another one may lie");
         let mut two = (*map).clone();
         let changes = vec![MapChange::Put(Box::new(ball(5, 3.0)))];
         two.apply(MapUpdate { stamp: Stamp::default(), changes });
-        assert!(!compares_but_one(&grounder.ground(&two, text, None)));
+        let answer = grounder.ground(&two, text, None);
+        assert!(!compares_but_one(&answer) && says_closest(&answer));
+        // A third one may lie on the bookshelf; on the coffee table it would not be the closest.
+        let looks = named_in(&knowledge, answer.query.as_ref()).find_carriers(&two, &knowledge, answer.object_id);
+        assert_eq!(looks, [ObjectId(2)]);
     }
 }
