@@ -216,7 +216,7 @@ fn fit_block(points: &[Point3<f64>], support_z_m: f64, top_m: f64) -> Option<(Sh
         let (x, y) = (p.x * cos + p.y * sin - middle.x, p.y * cos - p.x * sin - middle.y);
         (0.5 * size.x - x.abs(), 0.5 * size.y - y.abs())
     };
-    let lid_m = find_lid_m(points, &from_sides, support_z_m, top_m);
+    let lid_m = find_lid_m(points, from_sides, support_z_m, top_m);
     let distances = points.iter().map(|p| {
         let (x, y) = from_sides(p);
         x.abs().min(y.abs()).min((p.z - top_m).abs()).min((p.z - lid_m).abs())
