@@ -352,6 +352,12 @@ impl Agent {
         self.journal.note(now_s, what, frame.as_ref());
     }
 
+    /// Notes an event of this moment without a picture.
+    pub fn mark(&mut self, what: impl Into<String>) {
+        let now_s = self.now().as_s();
+        self.journal.note(now_s, what, None);
+    }
+
     /// Sets what the gripper does until told otherwise: width in metres, greatest force in newtons.
     pub fn grip(&mut self, width_m: f64, max_force_n: f64) {
         self.grip = Some((width_m, max_force_n));

@@ -9,6 +9,7 @@ use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
 use nalgebra::Point2;
 use std::sync::Arc;
+use std::sync::mpsc::Sender;
 
 /// A moment worth showing.
 #[derive(Clone, Debug)]
@@ -86,6 +87,8 @@ pub struct Journal {
     pub frames_learned: usize,
     /// Detections in them.
     pub detections: usize,
+    /// Is told the words of each event.
+    pub told: Option<Sender<String>>,
 }
 
 /// What a run looks like to the robot at one moment, for those who watch.
@@ -147,6 +150,10 @@ impl Journal {
         tracing::info!("{at_s:7.2} s  {what}");
         if let Some(frame) = picture {
             self.pictures.push((format!("{at_s:.1} s: {what}"), frame.clone()));
+        }
+        if let Some(told) = &self.told {
+            // Nobody waits for words any more: then nobody needs them.
+            let _ = told.send(what.clone());
         }
         self.events.push(Event { at_s, what });
     }

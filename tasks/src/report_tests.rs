@@ -65,6 +65,8 @@ fn finished(name: &str) -> Finished {
             others_touched: 0,
             min_clearance_m: Some(0.12),
             limit_violations: 0,
+            contact_force_max_n: 0.0,
+            person_contact_max_m_per_s: None,
             non_target_displacement_max_m: 0.004,
         },
         map: MapSummary { objects: 1, relations: 0, rooms: 0 },

@@ -161,7 +161,13 @@ pub struct Metrics {
     pub min_clearance_m: Option<f64>,
     /// Joint samples beyond position or velocity limits.
     pub limit_violations: u32,
-    /// The farthest that an object other than the targets was moved, metres.
+    /// Largest normal force of a contact of the robot, other than of its hand with a target, newtons.
+    #[serde(default)]
+    pub contact_force_max_n: f64,
+    /// Fastest closing speed with which a contact with a person began, metres per second; null without any.
+    #[serde(default)]
+    pub person_contact_max_m_per_s: Option<f64>,
+    /// The farthest that an object other than the targets was moved by the robot, metres.
     pub non_target_displacement_max_m: f64,
 }
 
@@ -215,6 +221,15 @@ pub struct LimitViolation {
     pub velocity: f64,
 }
 
+/// Something that was done to the world from outside.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DisturbanceSummary {
+    /// When, simulated seconds.
+    pub at_s: f64,
+    /// What: the kind first.
+    pub what: String,
+}
+
 /// Ground truth for foreign scripts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TruthSummary {
@@ -227,6 +242,9 @@ pub struct TruthSummary {
     /// The first 50 samples in which a joint was beyond its limits.
     #[serde(default)]
     pub limit_violations: Vec<LimitViolation>,
+    /// What disturbed the world.
+    #[serde(default)]
+    pub disturbances: Vec<DisturbanceSummary>,
 }
 
 /// The whole account of an episode.

@@ -6,7 +6,7 @@ use super::scene::write_scene;
 use super::suite_done::{Fingerprint, Program, find_done, write_done};
 use super::suite_result::{Suite, SuiteEpisode};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
-use crate::episode_generator::write_episodes;
+use crate::episode_generator::{Disturb, write_episodes};
 use crate::error::TaskError;
 use crate::run::{RunSpec, Silent};
 use crate::settings::Settings;
@@ -43,6 +43,10 @@ pub struct SuiteArgs {
     /// drive is weighed from where that ends (`metrics.known_map_spl`, `totals.known_map_spl`).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     generate: Option<u32>,
+    /// Something happens in each generated episode: one kind of [[disturb]], or `all` kinds in turn. Only tasks that it can
+    /// happen to are asked for.
+    #[arg(long, value_name = "KIND", requires = "generate")]
+    disturb: Option<Disturb>,
     /// Episodes that run side by side; never changes a result.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     workers: u16,
@@ -130,12 +134,13 @@ fn generate(count: u32, folder: &Path, args: &SuiteArgs) -> Result<Vec<RunSpec>,
         let episodes_folder = home_folder.join("episodes");
         std::fs::create_dir_all(&episodes_folder)
             .map_err(|source| TaskError::Read { path: episodes_folder.clone(), source })?;
-        for episode in write_episodes(&model, &semantics, &knowledge, seed, left) {
+        for episode in write_episodes(&model, &semantics, &knowledge, seed, left, args.disturb) {
             let path = episodes_folder.join(format!("{}.toml", episode.name));
             write_atomically(&path, episode.text.as_bytes())?;
             files.push(path);
         }
-        if home > u64::from(count) + 8 {
+        // Not every home has what a disturbance needs.
+        if home > 8 * (u64::from(count) + 8) {
             return Err(TaskError::Internal("generated homes hold nothing to do".into()));
         }
     }

@@ -3,12 +3,15 @@
 //! This is the judging side: it reads what the bodies of a scene are, writes episode files, and nothing of it reaches a
 //! run but the words of the commands.
 
+mod disturb;
 mod home;
 mod reach;
 mod words;
 
 use crate::episode::EPISODE_VERSION;
+pub use disturb::Disturb;
 use dsm::knowledge::Knowledge;
+use dsm_sim::disturb::DisturbanceKind;
 use dsm_sim::scene::{SceneModel, Semantics};
 use home::{Home, HomeObject};
 use rand::seq::SliceRandom;
@@ -52,13 +55,15 @@ pub struct GeneratedEpisode {
 }
 
 /// Writes up to `count` episodes for a home whose scene lies one folder above the episode files; fewer when the home
-/// does not hold enough that words can tell apart. The same arguments give the same texts.
+/// does not hold enough that words can tell apart. With `disturb` something happens in each of them. The same arguments
+/// give the same texts.
 pub fn write_episodes(
     model: &SceneModel,
     semantics: &Semantics,
     knowledge: &Knowledge,
     seed: u64,
     count: usize,
+    disturb: Option<Disturb>,
 ) -> Vec<GeneratedEpisode> {
     // What can be asked for is the furniture with its doors closed.
     let model = &model.with_joints_held();
@@ -74,7 +79,16 @@ pub fn write_episodes(
         if episodes.len() == count {
             break;
         }
-        let Some(mut task) = find_task(*kind, &home, knowledge, &mut used, &mut rng) else { continue };
+        let disturbance = disturb.map(|disturb| disturb.kind_of(seed, episodes.len(), count));
+        if disturbance.is_some_and(|disturbance| !disturb::fits(disturbance, *kind)) {
+            continue;
+        }
+        let Some(mut task) = find_task(*kind, disturbance, &home, knowledge, &mut used, &mut rng) else { continue };
+        if let Some(disturbance) = disturbance
+            && !task.disturb(disturbance, *kind, &home, seed, episodes.len())
+        {
+            continue;
+        }
         if matches!(kind, Kind::Navigate | Kind::Room) {
             explored = !explored;
             if explored {
@@ -93,6 +107,10 @@ pub fn write_episodes(
 
 /// A command and what it must lead to.
 struct Task {
+    /// Body that it is about; none for rooms.
+    body: Option<String>,
+    /// What disturbs it, as its file has it.
+    disturbance: String,
     kind: &'static str,
     why: String,
     command: String,
@@ -108,8 +126,8 @@ impl Task {
         let _ = write!(
             text,
             "scene = \"../scene.xml\"\nrobot = \"porter\"\nseed = {seed}\ntime_limit_s = {}\n\n{explore}[[step]]\ncommand = \"{}\"\n\n\
-             [[expect]]\n{}\n",
-            self.time_limit_s, self.command, self.expect
+             [[expect]]\n{}\n{}",
+            self.time_limit_s, self.command, self.expect, self.disturbance
         );
         text
     }
@@ -117,6 +135,7 @@ impl Task {
 
 fn find_task(
     kind: Kind,
+    disturbance: Option<DisturbanceKind>,
     home: &Home,
     knowledge: &Knowledge,
     used: &mut Vec<String>,
@@ -128,6 +147,8 @@ fn find_task(
             let room = (*rooms.get(rng.random_range(0..rooms.len().max(1)))?).clone();
             used.push(room.clone());
             Some(Task {
+                body: None,
+                disturbance: String::new(),
                 kind: "room",
                 why: "Only what stands in a room tells which it is.".into(),
                 command: format!("Go to the {room}"),
@@ -138,9 +159,11 @@ fn find_task(
         }
         Kind::Navigate => {
             let goals = |object: &HomeObject| !object.free && object.stands;
-            let (body, name, others) = choose(home, knowledge, &goals, used, rng)?;
+            let (body, name, others) = choose(home, knowledge, &goals, &|_, _| true, used, rng)?;
             let verb = ["Go to", "Navigate to", "Drive to"][rng.random_range(0..3)];
             Some(Task {
+                body: Some(body.clone()),
+                disturbance: String::new(),
                 kind: "navigate",
                 why: others,
                 command: format!("{verb} the {name}"),
@@ -150,9 +173,14 @@ fn find_task(
             })
         }
         Kind::Grasp => {
-            let (body, name, others) = choose(home, knowledge, &|object| object.graspable, used, rng)?;
+            // Who swaps things must not change what the words mean.
+            let swaps = disturbance == Some(DisturbanceKind::Swapped);
+            let means = |index: usize, name: &str| !swaps || disturb::find_lookalike(home, index, name).is_some();
+            let (body, name, others) = choose(home, knowledge, &|object| object.graspable, &means, used, rng)?;
             let verb = ["Grasp", "Pick up", "Take"][rng.random_range(0..3)];
             Some(Task {
+                body: Some(body.clone()),
+                disturbance: String::new(),
                 kind: "grasp",
                 why: others,
                 command: format!("{verb} the {name}"),
@@ -162,7 +190,7 @@ fn find_task(
             })
         }
         Kind::Place => {
-            let (body, name, others) = choose(home, knowledge, &|object| object.graspable, used, rng)?;
+            let (body, name, others) = choose(home, knowledge, &|object| object.graspable, &|_, _| true, used, rng)?;
             let (surface, surface_name) = choose_surface(home, knowledge, &body, rng)?;
             let command = if rng.random::<bool>() {
                 format!("Put the {name} on the {surface_name}")
@@ -170,6 +198,8 @@ fn find_task(
                 format!("Bring the {name} to the {surface_name}")
             };
             Some(Task {
+                body: Some(body.clone()),
+                disturbance: String::new(),
                 kind: "place",
                 why: others,
                 command,
@@ -181,11 +211,12 @@ fn find_task(
     }
 }
 
-/// A body that was not used yet, words that mean it alone, and how many others of its class there are.
+/// A body that was not used yet, words that mean it alone and suit what they are for, and how many others of its class there are.
 fn choose(
     home: &Home,
     knowledge: &Knowledge,
     wanted: &dyn Fn(&HomeObject) -> bool,
+    means: &dyn Fn(usize, &str) -> bool,
     used: &mut Vec<String>,
     rng: &mut ChaCha8Rng,
 ) -> Option<(String, String, String)> {
@@ -198,7 +229,8 @@ fn choose(
         candidates.sort_by_key(|index| others(index) < 2);
     }
     candidates.into_iter().find_map(|index| {
-        let names = find_names(index, home, knowledge);
+        let mut names = find_names(index, home, knowledge);
+        names.retain(|name| means(index, name));
         let name = names.get(rng.random_range(0..names.len().max(1)))?.clone();
         let object = &home.objects[index];
         used.push(object.body.clone());

@@ -259,6 +259,7 @@ fn try_grasp(
     let aperture_m = settings.planner.hand.max_aperture_m;
     let before =
         between_fingers(&points_of(&target.in_map(agent.map()), id), &grasp.world_from_tool, support_z_m, aperture_m);
+    agent.mark("lifts");
     let lifted = lift(agent, settings, &base_from_grasp, &reach.joints, &obstacles)?;
     let verified = verify(agent, settings, &before, lifted)?;
     if matches!(verified, Err((Stage::Hold, _))) {

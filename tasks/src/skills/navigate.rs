@@ -83,6 +83,7 @@ pub fn navigate_to_object(
             return Ok(Outcome::Failed(Stage::Planning, reason));
         };
         tried.push(place.pose.position);
+        agent.mark("approaches the object");
         agent.gaze = Gaze::AHEAD;
         if Drive::to_pose(nav, place.pose).run(agent)? == DriveOutcome::Arrived {
             let center = agent.map().find_object(id).map_or(bounds.center, |object| object.bounds.center);
