@@ -160,6 +160,7 @@ fn try_grasp(
         return Ok(Err(failure));
     }
     // Look again from here.
+    agent.await_light()?;
     agent.rest(Span::from_s(1.2))?;
     let now_s = agent.now().as_s();
     let picture = agent.find_frame("head").map(|seen| seen.frame.clone());
