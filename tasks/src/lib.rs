@@ -19,6 +19,7 @@ pub mod episode;
 pub mod episode_generator;
 pub mod error;
 pub mod executor;
+pub mod failure_page;
 pub mod gaze;
 pub mod joint_bounds;
 pub mod journal;

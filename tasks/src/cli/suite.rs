@@ -8,6 +8,7 @@ use super::suite_result::{Suite, SuiteEpisode};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode_generator::{Disturb, write_episodes};
 use crate::error::TaskError;
+use crate::failure_page::{FAILURE_FILE, crash_page};
 use crate::run::{RunSpec, Silent};
 use crate::settings::Settings;
 use crate::summary::Stage;
@@ -242,7 +243,12 @@ fn run_one(
     {
         return done;
     }
-    let failed = |stage: Stage, reason: String| SuiteEpisode::without_metrics(&spec.name, spec.seed, stage, reason);
+    let failed = |stage: Stage, reason: String| {
+        // The line says what went wrong, whether its page can be written or not.
+        let _ = std::fs::create_dir_all(&own);
+        let _ = write_atomically(&own.join(FAILURE_FILE), crash_page(spec, &reason).as_bytes());
+        SuiteEpisode::without_metrics(&spec.name, spec.seed, stage, reason)
+    };
     // Half a folder of an interrupted suite is replaced.
     let out = OutArgs { out: Some(own.clone()), force: true };
     let result = catch_unwind(AssertUnwindSafe(|| {

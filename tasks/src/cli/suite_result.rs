@@ -1,6 +1,7 @@
 //! What a suite comes to: one line per episode, sums with intervals, a table, a JUnit file and a page.
 
 use super::suite_recovery::{self, Recovery, find_recoveries};
+use crate::failure_page::FAILURE_FILE;
 use crate::report::{IndexLine, index_page};
 use crate::summary::{Metrics, Stage, Summary};
 use schemars::JsonSchema;
@@ -170,7 +171,10 @@ impl Suite {
             .episodes
             .iter()
             .map(|e| {
-                let report = format!("{}-{}/report.html", e.id, e.seed);
+                let page = |name: &str| {
+                    let page = format!("{}-{}/{name}", e.id, e.seed);
+                    folder.join(&page).is_file().then_some(page)
+                };
                 let stage = e.failed_stage.map(|stage| format!("{}: ", word(stage)));
                 IndexLine {
                     episode: &e.id,
@@ -178,7 +182,8 @@ impl Suite {
                     success: e.success,
                     why: stage.unwrap_or_default() + e.reason.as_deref().unwrap_or_default(),
                     metrics: e.metrics.as_ref(),
-                    report: folder.join(&report).is_file().then_some(report),
+                    report: page("report.html"),
+                    failure: page(FAILURE_FILE).filter(|_| !e.success),
                 }
             })
             .collect();
