@@ -50,6 +50,16 @@ pub(super) fn fits(disturbance: DisturbanceKind, kind: Kind) -> bool {
     }
 }
 
+/// Whether what happens leaves the words their meaning: what is swapped must be told by its colour, and what is taken away
+/// must not leave another one that is "the closest".
+pub(super) fn keeps_meaning(disturbance: DisturbanceKind, home: &Home, index: usize, name: &str) -> bool {
+    match disturbance {
+        DisturbanceKind::Swapped => find_lookalike(home, index, name).is_some(),
+        DisturbanceKind::ObjectRemoved => !name.contains(" closest to "),
+        _ => true,
+    }
+}
+
 /// Another thing of the object's kind in another colour, for a name that tells them apart by it alone.
 pub(super) fn find_lookalike(home: &Home, index: usize, name: &str) -> Option<usize> {
     let object = &home.objects[index];

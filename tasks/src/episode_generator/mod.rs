@@ -173,9 +173,8 @@ fn find_task(
             })
         }
         Kind::Grasp => {
-            // Who swaps things must not change what the words mean.
-            let swaps = disturbance == Some(DisturbanceKind::Swapped);
-            let means = |index: usize, name: &str| !swaps || disturb::find_lookalike(home, index, name).is_some();
+            let means =
+                |index: usize, name: &str| disturbance.is_none_or(|d| disturb::keeps_meaning(d, home, index, name));
             let (body, name, others) = choose(home, knowledge, &|object| object.graspable, &means, used, rng)?;
             let verb = ["Grasp", "Pick up", "Take"][rng.random_range(0..3)];
             Some(Task {
