@@ -6,7 +6,7 @@ use super::scene::write_scene;
 use super::suite_done::{Fingerprint, Program, find_done, write_done};
 use super::suite_result::{Suite, SuiteEpisode};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
-use crate::episode_generator::{Disturb, write_episodes};
+use crate::episode_generator::{Disturb, write_episodes, write_sequences};
 use crate::error::TaskError;
 use crate::failure_page::{FAILURE_FILE, crash_page};
 use crate::run::{RunSpec, Silent};
@@ -48,6 +48,9 @@ pub struct SuiteArgs {
     /// happen to are asked for.
     #[arg(long, value_name = "KIND", requires = "generate")]
     disturb: Option<Disturb>,
+    /// Sequences of three commands in one sentence instead of single ones.
+    #[arg(long, requires = "generate", conflicts_with = "disturb")]
+    sequences: bool,
     /// Episodes that run side by side; never changes a result.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     workers: u16,
@@ -135,7 +138,11 @@ fn generate(count: u32, folder: &Path, args: &SuiteArgs) -> Result<Vec<RunSpec>,
         let episodes_folder = home_folder.join("episodes");
         std::fs::create_dir_all(&episodes_folder)
             .map_err(|source| TaskError::Read { path: episodes_folder.clone(), source })?;
-        for episode in write_episodes(&model, &semantics, &knowledge, seed, left, args.disturb) {
+        let episodes = match args.sequences {
+            true => write_sequences(&model, &semantics, &knowledge, seed, left),
+            false => write_episodes(&model, &semantics, &knowledge, seed, left, args.disturb),
+        };
+        for episode in episodes {
             let path = episodes_folder.join(format!("{}.toml", episode.name));
             write_atomically(&path, episode.text.as_bytes())?;
             files.push(path);

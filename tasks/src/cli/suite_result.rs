@@ -1,5 +1,6 @@
 //! What a suite comes to: one line per episode, sums with intervals, a table, a JUnit file and a page.
 
+use super::suite_parts::{Parts, Sequences, find_parts, sum_up};
 use super::suite_recovery::{self, Recovery, find_recoveries};
 use crate::failure_page::FAILURE_FILE;
 use crate::report::{IndexLine, index_page};
@@ -36,6 +37,9 @@ pub(super) struct SuiteEpisode {
     /// Kinds of the disturbances that began.
     #[serde(default)]
     pub disturbances: Vec<String>,
+    /// The parts of its sequence; null when it is none.
+    #[serde(default)]
+    pub parts: Option<Parts>,
 }
 
 /// A share with its interval.
@@ -97,6 +101,8 @@ pub(super) struct Totals {
     path_length_m: f64,
     /// What became of the episodes that were disturbed, by kind.
     by_disturbance: BTreeMap<String, Recovery>,
+    /// What became of the sequences; null without any.
+    sequences: Option<Sequences>,
 }
 
 /// `suite.json`.
@@ -118,6 +124,7 @@ impl From<Summary> for SuiteEpisode {
         disturbances.sort();
         disturbances.dedup();
         Self {
+            parts: find_parts(&summary),
             disturbances,
             id: summary.episode,
             seed: summary.seed,
@@ -142,6 +149,7 @@ impl SuiteEpisode {
             metrics: None,
             skill: None,
             disturbances: Vec::new(),
+            parts: None,
         }
     }
 
@@ -242,6 +250,15 @@ impl Suite {
         let _ =
             writeln!(text, "simulated {:.0} s, median {median:.1} s; driven {:.0} m", t.sim_time_s, t.path_length_m);
         text.push_str(&suite_recovery::table(&t.by_disturbance));
+        if let Some(sequences) = &t.sequences {
+            let _ = writeln!(
+                text,
+                "sequences complete {}\nparts done {}\naccounts true {}",
+                describe(&sequences.complete),
+                describe(&sequences.parts),
+                describe(&sequences.truthful)
+            );
+        }
         text
     }
 
@@ -347,6 +364,7 @@ fn totals(episodes: &[SuiteEpisode]) -> Totals {
         sim_time_median_s: times.get(times.len() / 2).copied(),
         path_length_m: metrics().map(|m| m.path_length_m).sum(),
         by_disturbance: find_recoveries(episodes),
+        sequences: sum_up(episodes),
     }
 }
 

@@ -6,6 +6,7 @@
 mod disturb;
 mod home;
 mod reach;
+mod sequence;
 mod words;
 
 use crate::episode::EPISODE_VERSION;
@@ -17,6 +18,7 @@ use home::{Home, HomeObject};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+pub use sequence::write_sequences;
 use std::fmt::Write;
 use words::find_names;
 

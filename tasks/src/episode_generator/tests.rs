@@ -1,7 +1,7 @@
 //! Contract: generated episodes are valid, name bodies that are there, and their words mean one thing only.
 use super::*;
 use crate::episode::{Episode, ExpectationKind, SkillName};
-use dsm::ground::parse_command;
+use dsm::ground::{parse_command, split_sequence};
 use dsm_sim::scene::{HomeConfig, generate_home};
 use std::path::Path;
 
@@ -171,4 +171,21 @@ fn disturbed_episodes_are_valid_and_suit_what_happens() {
     }
     assert!("all".parse() == Ok(Disturb::InTurn) && "slip".parse() == Ok(Disturb::With(DisturbanceKind::Slip)));
     assert!("slips".parse::<Disturb>().unwrap_err().contains("light_off"));
+}
+
+#[test]
+fn sequences_are_three_commands_with_an_expectation_each() {
+    let knowledge = Knowledge::embedded().unwrap();
+    for seed in 20..23 {
+        let (folder, model, semantics) = load_home(seed);
+        let episodes = write_sequences(&model, &semantics, &knowledge, seed, 3);
+        assert_eq!(episodes.len(), 3, "home {seed}");
+        for generated in &episodes {
+            let path = folder.path().join(format!("{}.toml", generated.name));
+            std::fs::write(&path, &generated.text).unwrap();
+            let episode = Episode::load(&path).unwrap_or_else(|error| panic!("{error}\n{}", generated.text));
+            let parts = split_sequence(episode.steps[0].command.as_ref().unwrap(), &knowledge);
+            assert_eq!((parts.len(), episode.expectations.len()), (3, 3), "{}", generated.text);
+        }
+    }
 }

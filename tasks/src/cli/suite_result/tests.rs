@@ -26,6 +26,7 @@ fn line(id: &str, stage: Option<Stage>, spl: Option<f64>) -> SuiteEpisode {
         metrics: Some(metrics),
         skill: Some("grasp".to_owned()),
         disturbances: Vec::new(),
+        parts: None,
     }
 }
 
@@ -86,4 +87,17 @@ fn recovery_is_a_success_that_broke_and_hurt_nothing() {
     assert_eq!((person.recovered.count, person.recovered.of, person.succeeded.count), (1, 4, 3));
     assert_eq!((person.with_hard_contact.count, person.with_person_hurt.count), (1, 1));
     assert!(suite.table().contains("after person"));
+}
+
+#[test]
+fn sequences_count_parts_and_what_is_said_of_them() {
+    let with = |id: &str, done: usize, untrue: usize| SuiteEpisode {
+        parts: Some(Parts { parts: 3, done, untrue }),
+        ..line(id, (done < 3).then_some(Stage::Sequence), None)
+    };
+    let suite = Suite::new(vec![with("a", 3, 0), with("b", 2, 0), with("c", 1, 1), line("d", None, None)]);
+    let sequences = suite.totals.sequences.as_ref().unwrap();
+    assert_eq!((sequences.complete.count, sequences.complete.of), (1, 3));
+    assert_eq!((sequences.parts.count, sequences.parts.of, sequences.truthful.count), (6, 9, 2));
+    assert!(suite.table().contains("accounts true 2 of 3"));
 }
