@@ -44,7 +44,7 @@ pub struct SuiteArgs {
     /// drive is weighed from where that ends (`metrics.known_map_spl`, `totals.known_map_spl`).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     generate: Option<u32>,
-    /// Something happens in each generated episode: one kind of [[disturb]], or `all` kinds in turn. Only tasks that it can
+    /// Something happens in each generated episode: one kind of `[[disturb]]`, or `all` kinds in turn. Only tasks that it can
     /// happen to are asked for.
     #[arg(long, value_name = "KIND", requires = "generate")]
     disturb: Option<Disturb>,

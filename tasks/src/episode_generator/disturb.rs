@@ -29,14 +29,11 @@ impl std::str::FromStr for Disturb {
 }
 
 impl Disturb {
-    /// The kind for an episode of a home that has so many.
-    pub(super) fn kind_of(self, seed: u64, index: usize, count: usize) -> DisturbanceKind {
+    /// The kind whose turn it is.
+    pub(super) fn kind_of(self, turn: usize) -> DisturbanceKind {
         match self {
             Self::With(kind) => kind,
-            Self::InTurn => {
-                let all = DisturbanceKind::ALL;
-                all[((seed % all.len() as u64) as usize * count + index) % all.len()]
-            }
+            Self::InTurn => DisturbanceKind::ALL[turn % DisturbanceKind::ALL.len()],
         }
     }
 }

@@ -43,6 +43,9 @@ enum Kind {
     Place,
 }
 
+/// Homes take turns in which disturbances they get; so many homes differ.
+const TURNS: usize = DisturbanceKind::ALL.len();
+
 /// The kinds of a home's episodes, in turn.
 const KINDS: [Kind; 8] =
     [Kind::Grasp, Kind::Navigate, Kind::Place, Kind::Grasp, Kind::Room, Kind::Grasp, Kind::Place, Kind::Navigate];
@@ -77,11 +80,18 @@ pub fn write_episodes(
     // Every other drive is to be made on a finished map, and a home has one with each when it has two.
     let mut explored = seed % 2 == 1;
     // A kind that a home cannot offer is skipped; a second round makes up for it with the others.
-    for kind in KINDS.iter().cycle().take(KINDS.len() * (count / KINDS.len() + 2)) {
+    let rounds = count / KINDS.len() + if disturb.is_some() { 2 * (count + 1) } else { 2 };
+    // A disturbance that no task of a whole round suits gives its turn to the next.
+    let (mut turn, mut misses) = (seed as usize % TURNS * count, 0);
+    for kind in KINDS.iter().cycle().take(KINDS.len() * rounds) {
         if episodes.len() == count {
             break;
         }
-        let disturbance = disturb.map(|disturb| disturb.kind_of(seed, episodes.len(), count));
+        if misses == KINDS.len() {
+            (turn, misses) = (turn + 1, 0);
+        }
+        misses += 1;
+        let disturbance = disturb.map(|disturb| disturb.kind_of(turn));
         if disturbance.is_some_and(|disturbance| !disturb::fits(disturbance, *kind)) {
             continue;
         }
@@ -91,6 +101,7 @@ pub fn write_episodes(
         {
             continue;
         }
+        (turn, misses) = (turn + 1, 0);
         if matches!(kind, Kind::Navigate | Kind::Room) {
             explored = !explored;
             if explored {
