@@ -84,6 +84,9 @@ pub struct Truth {
     /// Every part of the scene that moves on a joint, in the order of the scene: doors, drawers, lids.
     #[serde(default)]
     pub parts: Vec<TruePart>,
+    /// What disturbed the world since the sample before.
+    #[serde(default)]
+    pub events: Vec<TrueEvent>,
 }
 
 /// The true state of a part that moves on a joint against what carries it.
@@ -103,6 +106,17 @@ pub struct TruePart {
     pub velocity: f64,
     /// Least and greatest position; `None` when the joint has no end.
     pub range: Option<[f64; 2]>,
+}
+
+/// Something that was done to the world from outside.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrueEvent {
+    /// When.
+    pub stamp: Stamp,
+    /// What, in words.
+    pub what: String,
+    /// Bodies that were put elsewhere.
+    pub moved: Vec<String>,
 }
 
 /// The true state of one robot joint.

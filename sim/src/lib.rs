@@ -11,6 +11,7 @@
 
 pub mod camera;
 pub mod detect;
+pub mod disturb;
 pub mod physics;
 pub mod replay;
 pub mod robot;

@@ -15,6 +15,7 @@ mod parts;
 pub use cameras::{CaptureRequest, Imager, SensorImage};
 pub use localise::{LocalisationConfig, LocalisationNoise};
 
+use crate::disturb::{Conditions, Disturber};
 use crate::physics::{JointTarget, Physics};
 use cameras::SimCameras;
 use dsm::time::{Span, Stamp};
@@ -23,7 +24,7 @@ use dsm_robot::drivers::{
 };
 use dsm_robot::model::RobotModel;
 use localise::SimLocalisation;
-use parts::{SimBase, SimGripper, SimGroup, SimStop};
+use parts::{SimBase, SimGripper, SimGroup, SimStop, scaled};
 use thiserror::Error;
 
 /// Why model and physics do not make a robot.
@@ -74,6 +75,8 @@ pub struct SimRobot {
     /// Steps in a control period, and steps until the next tick.
     steps_per_tick: u32,
     steps_to_tick: u32,
+    disturber: Option<Disturber>,
+    conditions: Conditions,
     observer: Option<TickObserver>,
 }
 
@@ -99,11 +102,13 @@ impl SimRobot {
             arm: SimGroup::new(&model.arm, physics.as_ref())?,
             head: SimGroup::new(&model.head, physics.as_ref())?,
             gripper: SimGripper::new(model, physics.as_ref())?,
-            cameras: SimCameras::new(model, physics.as_ref(), imager)?,
+            cameras: SimCameras::new(model, physics.as_ref(), imager, localisation.seed)?,
             localisation: SimLocalisation::new(localisation, physics.now(), physics.world_from_base()),
             stop: SimStop::default(),
             steps_per_tick,
             steps_to_tick: steps_per_tick,
+            disturber: None,
+            conditions: Conditions::default(),
             observer: None,
             physics,
         };
@@ -117,6 +122,12 @@ impl SimRobot {
         self
     }
 
+    /// Lets the world be disturbed.
+    pub(crate) fn with_disturber(mut self, disturber: Disturber) -> Self {
+        self.disturber = Some(disturber);
+        self
+    }
+
     /// The world, for judging and for tests.
     pub fn physics(&self) -> &dyn Physics {
         self.physics.as_ref()
@@ -127,7 +138,7 @@ impl SimRobot {
         let stopped = self.stop.find_reason().is_some();
         let now = self.physics.now();
         let twist = if stopped { Twist::default() } else { self.base.twist_at(now) };
-        self.physics.command_base(twist);
+        self.physics.command_base(scaled(twist, self.conditions.grip));
         for group in [&mut self.arm, &mut self.head] {
             for (joint, velocity) in group.commands() {
                 let velocity = if stopped { 0.0 } else { velocity };
@@ -143,7 +154,7 @@ impl SimRobot {
     /// Refreshes what the parts measure.
     fn measure(&mut self) {
         let physics = self.physics.as_ref();
-        self.base.measure(physics);
+        self.base.measure(physics, self.conditions.grip);
         self.arm.measure(physics);
         self.head.measure(physics);
         self.gripper.measure(physics);
@@ -152,8 +163,13 @@ impl SimRobot {
     /// What happens once in a control period.
     fn tick(&mut self) {
         self.measure();
-        self.localisation.tick(self.physics.now(), &self.physics.world_from_base());
-        self.cameras.tick(self.physics.as_ref(), &self.localisation.world_from_base_now());
+        self.localisation.tick(self.physics.now(), &self.physics.world_from_base(), self.conditions.grip);
+        if let Some(disturber) = &mut self.disturber {
+            self.conditions = disturber.advance(self.physics.as_mut());
+            self.localisation.set_jump(self.conditions.jump);
+        }
+        let believed = self.localisation.world_from_base_now();
+        self.cameras.tick(self.physics.as_ref(), &believed, &self.conditions);
         if let Some(observer) = &mut self.observer {
             observer(self.physics.as_ref());
         }

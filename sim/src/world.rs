@@ -12,13 +12,14 @@ mod solids;
 mod truth;
 
 pub use placement::StartPose;
-pub(crate) use placement::scene_bounds;
+pub(crate) use placement::{Mover, scene_bounds, stream};
 pub(crate) use solids::{Column, Solids};
 pub(crate) use truth::FLOOR_TOP_M;
 
 use crate::camera::{CameraError, CameraRig, LightDraw, NoiseError, NoiseParameters, SensorModel, robot_visuals};
 pub use crate::detect::{DetectorPreset as Perception, LabelIds};
 use crate::detect::{SimDetector, label_channel};
+use crate::disturb::{Disturbance, DisturbanceError, Disturber, Wires, add_actors};
 use crate::physics::{Engine, Physics, PhysicsConfig, PhysicsError, Rapier, RobotBody, RobotStart, settle_scene};
 use crate::replay::Moment;
 use crate::robot::{LocalisationConfig, LocalisationNoise, SimRobot, SimRobotError};
@@ -69,6 +70,9 @@ pub enum WorldError {
     /// The robot's drivers cannot be simulated.
     #[error(transparent)]
     Robot(#[from] SimRobotError),
+    /// What is to disturb it cannot.
+    #[error(transparent)]
+    Disturbance(#[from] DisturbanceError),
     /// No free place for the robot.
     #[error("scene `{scene}`: no free place for a robot of radius {radius_m} m in the start areas of semantics.toml")]
     NoStart {
@@ -113,6 +117,8 @@ pub struct WorldConfig {
     pub label_ids: LabelIds,
     /// Gets what is needed to see each image again; `None` by default.
     pub recorder: Option<Sender<Moment>>,
+    /// What happens to the world while it runs; nothing by default.
+    pub disturbances: Vec<Disturbance>,
 }
 
 impl Default for WorldConfig {
@@ -124,6 +130,7 @@ impl Default for WorldConfig {
             engine: Arc::new(Rapier::default()),
             label_ids: LabelIds::default(),
             recorder: None,
+            disturbances: Vec::new(),
         }
     }
 }
@@ -133,8 +140,7 @@ pub struct World {
     scene: SceneModel,
     notes: Vec<SceneNote>,
     semantics: Semantics,
-    solids: Solids,
-    robot_height_m: f64,
+    floor: FreeSpace,
     parts: WorldParts,
 }
 
@@ -146,6 +152,8 @@ pub struct WorldParts {
     pub detector: SimDetector,
     /// Samples of the truth, 20 a second; for the judge alone.
     pub truth: Receiver<Truth>,
+    /// Takes the words of the event log, on which disturbances may wait; nothing comes back.
+    pub words: Sender<String>,
 }
 
 impl World {
@@ -166,9 +174,14 @@ impl World {
             .find_posture(START_POSTURE)
             .map_or_else(Vec::new, |posture| posture.iter().map(|(name, value)| (name.to_owned(), value)).collect());
         let start = RobotStart { x_m: start.x_m, y_m: start.y_m, yaw_rad: start.yaw_rad, joints };
-        let physics = config.engine.build(&model, &body, &start)?;
-        let parts = connect(&model, &semantics, &robot, physics, &config)?;
-        Ok(Self { scene: model, notes, semantics, solids, robot_height_m: base.height_m, parts })
+        // What disturbs is no part of the scene that anybody is asked about.
+        let mut staged = (!config.disturbances.is_empty()).then(|| model.clone());
+        let actors = staged.as_mut().map_or_else(Vec::new, |staged| add_actors(staged, &config.disturbances));
+        let shown = staged.as_ref().unwrap_or(&model);
+        let physics = config.engine.build(shown, &body, &start)?;
+        let floor = free_space(&model, &solids, base.height_m);
+        let parts = connect(shown, &semantics, &robot, physics, &config, (&actors, &floor))?;
+        Ok(Self { scene: model, notes, semantics, floor, parts })
     }
 
     /// What of the scene is not done as its file says.
@@ -195,7 +208,7 @@ impl World {
         TrueWorld {
             scene: self.scene.name.clone(),
             rooms: self.semantics.rooms.iter().map(room).collect(),
-            free_space: free_space(&self.scene, &self.solids, self.robot_height_m),
+            free_space: self.floor.clone(),
         }
     }
 
@@ -273,13 +286,23 @@ fn connect(
     model: &SceneModel,
     semantics: &Semantics,
     robot: &RobotModel,
-    physics: Box<dyn Physics>,
+    mut physics: Box<dyn Physics>,
     config: &WorldConfig,
+    (actors, floor): (&[Option<usize>], &FreeSpace),
 ) -> Result<WorldParts, WorldError> {
     let seed = config.seed;
     let (labels, label_receiver) = label_channel(config.label_ids);
     let (view_sender, views) = channel();
     let (truth_sender, truth) = channel();
+    let (words, heard) = channel();
+    let (told, happenings) = channel();
+    let need = Disturber::find_need_of_hands(&config.disturbances);
+    if let (Some(kind), None) = (need, physics.hands()) {
+        return Err(DisturbanceError::NoHands { kind: kind.name() }.into());
+    }
+    let wires = Wires { heard, told };
+    let disturber =
+        Disturber::new(&config.disturbances, actors, model, Solids::new(model)?, floor, config.seed, wires)?;
     let visuals = robot_visuals(&robot.kinematics);
     let rig = CameraRig::new(model, &visuals, &LightDraw::new(seed))?.showing(model, &semantics.find_wholes(model));
     let (sensor, localisation) = match config.perception {
@@ -289,13 +312,15 @@ fn connect(
     let imager = WorldImager::new(rig, sensor, labels, view_sender, config.recorder.clone(), seed);
     let base = &robot.settings.base;
     let size_m = (base.footprint_radius_m, base.height_m);
-    let mut sampler = TruthSampler::new(truth_sender, views, model, semantics, Solids::new(model)?, size_m);
+    let mut sampler =
+        TruthSampler::new(truth_sender, (views, happenings), model, semantics, Solids::new(model)?, size_m);
     sampler.observe(physics.as_ref());
     let localisation = LocalisationConfig { seed, noise: localisation };
     let robot = SimRobot::new(physics, robot, Box::new(imager), localisation)?
+        .with_disturber(disturber)
         .with_observer(Box::new(move |physics| sampler.observe(physics)));
     let detector = SimDetector::new(label_receiver, model, semantics, config.perception, seed);
-    Ok(WorldParts { robot, detector, truth })
+    Ok(WorldParts { robot, detector, truth, words })
 }
 
 /// Where nothing of a scene, as its file has it, stands between floor and a robot's height.

@@ -3,16 +3,19 @@
 //! Skills are plain functions that call [`Agent::tick`] until they are done. Every tick is one control period; planning
 //! and perception run beside it and show at a declared latency.
 
+mod senses;
+
 use crate::deferred::Deferred;
 use crate::error::TaskError;
 pub use crate::gaze::Gaze;
 use crate::gaze::View;
 use crate::journal::{Journal, Moment, SentCommands};
-use crate::pace::{Pace, Posture, is_unfolded};
+use crate::light::Light;
+use crate::pace::{Pace, Posture};
 use crate::perception::Perception;
+use crate::pose_watch::PoseWatch;
 use crate::touch::{Motion, Touch};
 use dsm::Pose;
-use dsm::build::Carrier;
 use dsm::frame::RgbdFrame;
 use dsm::geometry::OrientedBox;
 use dsm::map::Map;
@@ -112,6 +115,8 @@ pub struct Agent {
     frames: BTreeMap<String, Seen>,
     pace: Pace,
     touch: Touch,
+    watch: PoseWatch,
+    light: Light,
     /// What happened, for the report.
     pub journal: Journal,
 }
@@ -166,6 +171,8 @@ impl Agent {
             frames: BTreeMap::new(),
             pace: Pace::default(),
             touch: Touch::default(),
+            watch: PoseWatch::default(),
+            light: Light::default(),
             journal: Journal::default(),
         }
     }
@@ -201,6 +208,7 @@ impl Agent {
         // Feel.
         let measured = Motion { base: self.robot.base().velocity()?, arm: self.robot.arm().state()?.velocities };
         self.touch.note(&Motion { base, arm }, &measured, self.config.period.as_s());
+        self.watch_pose()?;
         // Look.
         for i in 0..self.watched.len() {
             if let Some(frame) = self.robot.cameras().read(&self.watched[i])? {
@@ -261,28 +269,6 @@ impl Agent {
             self.journal.note_sample(now, &self.map.free_space, &position, radius_m, speed_m_per_s);
         }
         Ok(())
-    }
-
-    fn see(&mut self, frame: RgbdFrame) -> Result<(), Halt> {
-        let frame = Arc::new(frame);
-        let configuration = self.configuration()?;
-        let world_from_base = self.world_from_base()?;
-        let bodies = self.model.link_boxes(&configuration, &world_from_base);
-        self.live.observe(&frame, &bodies, &self.config.live);
-        if is_unfolded(&self.model, &configuration) {
-            self.live.observe_surfaces(&frame, &bodies, &self.config.live);
-        }
-        let carrier = Carrier {
-            bodies,
-            footprint: Some((
-                Point2::from(world_from_base.translation.vector.xy()),
-                self.model.settings.base.footprint_radius_m,
-            )),
-        };
-        self.journal.note_frame(&frame, &world_from_base);
-        (self.on_frame)(&Moment { frame: &frame, map: &self.map, journal: &self.journal });
-        self.frames.insert(frame.camera.to_string(), Seen { frame: frame.clone(), world_from_base });
-        Ok(self.perception.submit(frame, carrier)?)
     }
 
     /// Ticks without moving base or arm.
@@ -352,6 +338,12 @@ impl Agent {
         self.journal.note(now_s, what, frame.as_ref());
     }
 
+    /// Notes an event of this moment without a picture.
+    pub fn mark(&mut self, what: impl Into<String>) {
+        let now_s = self.now().as_s();
+        self.journal.note(now_s, what, None);
+    }
+
     /// Sets what the gripper does until told otherwise: width in metres, greatest force in newtons.
     pub fn grip(&mut self, width_m: f64, max_force_n: f64) {
         self.grip = Some((width_m, max_force_n));
@@ -379,7 +371,8 @@ impl Agent {
 
     /// Where the robot believes it is.
     pub fn world_from_base(&mut self) -> Result<Pose, Halt> {
-        Ok(self.robot.localisation().world_from_base()?.pose)
+        let now = self.now();
+        Ok(self.watch.believed(now, &self.robot.localisation().world_from_base()?.pose))
     }
 
     /// Smooth pose that drifts, for short motions.

@@ -12,9 +12,10 @@ use dsm::perceive::{Detector, PixelSegmenter};
 use dsm_robot::drivers::Robot;
 use dsm_robot::limited::Limited;
 use dsm_robot::model::RobotModel;
+use dsm_sim::disturb::DisturbanceError;
 use dsm_sim::replay::{Moment, Replay};
 use dsm_sim::scene::summarise_notes;
-use dsm_sim::world::{LabelIds, Perception, StartPose, World, WorldConfig};
+use dsm_sim::world::{LabelIds, Perception, StartPose, World, WorldConfig, WorldError};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender};
@@ -34,6 +35,8 @@ pub struct Assembled {
     pub truth: Receiver<Truth>,
     /// The judge.
     pub judge: Judge,
+    /// Takes the words of the event log, for disturbances that wait for a stage of the task.
+    pub words: Sender<String>,
 }
 
 /// Builds everything that a run needs.
@@ -65,7 +68,7 @@ pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> R
     let robot: Box<dyn Robot> = Box::new(Limited::new(parts.robot, &model));
     let detector: Box<dyn Detector> =
         if sees_pixels_alone(spec) { Box::new(PixelSegmenter) } else { Box::new(parts.detector) };
-    Ok(Assembled { robot, model, detector, truth: parts.truth, judge })
+    Ok(Assembled { robot, model, detector, truth: parts.truth, judge, words: parts.words })
 }
 
 /// Loads and checks all inputs of a run without beginning it.
@@ -80,8 +83,16 @@ fn load(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<(Arc<RobotMo
     let label_ids = if spec.permute_labels { LabelIds::PermutedPerFrame } else { LabelIds::default() };
     let start = spec.episode.start.map(|s| StartPose { x_m: s.x_m, y_m: s.y_m, yaw_rad: s.yaw_rad });
     let engine = find_engine(&spec.physics)?;
-    let config = WorldConfig { seed: spec.seed, perception, start, engine, label_ids, recorder };
-    let world = World::load(&spec.scene, model.clone(), config)?;
+    let disturbances = spec.episode.disturbances.clone();
+    let config = WorldConfig { seed: spec.seed, perception, start, engine, label_ids, recorder, disturbances };
+    let world = World::load(&spec.scene, model.clone(), config).map_err(|error| match error {
+        WorldError::Disturbance(DisturbanceError::NoFreeBody { body: name, known, .. }) => {
+            let nearest = dsm::config::find_nearest(&name, known.iter().map(String::as_str)).map(str::to_owned);
+            let (path, line) = (spec.file.clone(), line_of_name(&spec.file, &name));
+            TaskError::UnknownName { path, line, what: "free body", name, nearest, known }
+        }
+        other => other.into(),
+    })?;
     Ok((model, world))
 }
 

@@ -2,6 +2,7 @@
 
 use crate::error::TaskError;
 use dsm::config::{ConfigError, line_of, parse_toml};
+use dsm_sim::disturb::Disturbance;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -36,6 +37,9 @@ pub struct Episode {
     /// What must be true afterwards, by ground truth.
     #[serde(default, rename = "expect")]
     pub expectations: Vec<Expectation>,
+    /// What happens to the world meanwhile. The robot learns of it by its senses alone.
+    #[serde(default, rename = "disturb")]
+    pub disturbances: Vec<Disturbance>,
 }
 
 /// Start pose of the base in the world frame.
@@ -206,6 +210,11 @@ impl Episode {
                 return fail("[[expect]]", i, format!("{needs} for this kind"));
             }
         }
+        for (i, disturbance) in self.disturbances.iter().enumerate() {
+            if let Some(expected) = disturbance.find_flaw() {
+                return fail("[[disturb]]", i, expected.into());
+            }
+        }
         Ok(())
     }
 }
@@ -264,6 +273,7 @@ impl Episode {
             start: None,
             steps: Vec::new(),
             expectations: Vec::new(),
+            disturbances: Vec::new(),
         }
     }
 

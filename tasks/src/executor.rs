@@ -1,5 +1,7 @@
 //! From commands to skills: parse, search, ground, act; one account per step.
 
+mod sequence;
+
 use crate::agent::{Agent, Halt};
 use crate::episode::{SkillName, Step};
 use crate::skills::Outcome;
@@ -12,8 +14,8 @@ use crate::skills::navigate::{navigate_to_object, navigate_to_room, way_to};
 use crate::skills::place::place;
 use crate::skills::retreat::retreat;
 use crate::skills::search::{Thoroughness, search};
-use crate::summary::{EXPLORE, Failure, Stage, StepOutcome, StepSummary};
-use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, RelationWord, parse_command};
+use crate::summary::{EXPLORE, Failure, PartSummary, Stage, StepOutcome, StepSummary};
+use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, RelationWord, parse_command, split_sequence};
 use dsm::knowledge::Knowledge;
 use dsm::map::ObjectId;
 use dsm::time::{Span, Stamp};
@@ -37,6 +39,10 @@ pub struct Executor {
     knowledge: Arc<Knowledge>,
     explorer: Explorer,
     held: Option<Held>,
+    /// Of the sequence that is carried out.
+    parts: Vec<PartSummary>,
+    /// Time that is kept for what follows in the sequence.
+    kept_for_parts: Span,
 }
 
 /// The account of all steps, and why the run was cut short if it was.
@@ -64,7 +70,7 @@ impl Executor {
     /// An executor that has been nowhere.
     pub fn new(nav: NavConfig, grasping: GraspSettings, grounder: Arc<Grounder>, knowledge: Arc<Knowledge>) -> Self {
         let explorer = Explorer::new(nav.clone());
-        Self { nav, grasping, grounder, knowledge, explorer, held: None }
+        Self { nav, grasping, grounder, knowledge, explorer, held: None, parts: Vec::new(), kept_for_parts: Span(0) }
     }
 
     /// Runs the steps in order; the first one that fails ends the run.
@@ -94,6 +100,7 @@ impl Executor {
                 reason: done.reason,
                 duration_s: (end - start).as_s(),
                 grounding: done.grounding,
+                parts: std::mem::take(&mut self.parts),
                 ..StepSummary::skipped(index, command, start.as_s())
             });
         }
@@ -103,10 +110,16 @@ impl Executor {
     /// One step, after which so many others follow.
     fn step(&mut self, agent: &mut Agent, step: &Step, others: usize) -> Result<Done, Halt> {
         let command = match (&step.command, step.skill) {
-            (Some(text), _) => match parse_command(text, &self.knowledge) {
-                Ok(command) => command,
-                Err(unparsed) => return Ok(failed("", Stage::Parsing, unparsed.to_string(), None)),
-            },
+            (Some(text), _) => {
+                let parts = split_sequence(text, &self.knowledge);
+                if parts.len() > 1 {
+                    return self.sequence(agent, &parts);
+                }
+                match parse_command(text, &self.knowledge) {
+                    Ok(command) => command,
+                    Err(unparsed) => return Ok(failed("", Stage::Parsing, unparsed.to_string(), None)),
+                }
+            }
             (None, skill) => Command {
                 action: match skill {
                     Some(SkillName::Navigate) => Action::Navigate,
@@ -119,15 +132,20 @@ impl Executor {
                 back: false,
             },
         };
+        self.carry_out(agent, &command, others)
+    }
+
+    /// One command, after which so many other steps follow.
+    fn carry_out(&mut self, agent: &mut Agent, command: &Command, others: usize) -> Result<Done, Halt> {
         match command.action {
             Action::Explore => {
-                let end = Stamp(agent.deadline().0 - others as i64 * TIME_TO_ACT.0);
+                let end = Stamp(agent.deadline().0 - others as i64 * TIME_TO_ACT.0 - self.kept_for_parts.0);
                 let outcome =
                     self.explorer.run(agent, end, Interest { enough: &mut |_| false, inspect: &|_| Vec::new() })?;
                 Ok(done(EXPLORE, format!("exploration ends: {outcome:?}"), None))
             }
-            Action::Place | Action::Bring => self.fetch_and_place(agent, &command),
-            Action::Navigate | Action::Grasp | Action::Find => self.act(agent, &command),
+            Action::Place | Action::Bring => self.fetch_and_place(agent, command),
+            Action::Navigate | Action::Grasp | Action::Find => self.act(agent, command),
         }
     }
 
@@ -160,7 +178,7 @@ impl Executor {
         thoroughness: Thoroughness,
     ) -> Result<Result<Grounding, Box<Done>>, Halt> {
         let kept = if skill == PLACE { Span(TIME_TO_ACT.0 + TIME_TO_PLACE.0) } else { TIME_TO_ACT };
-        let end = Stamp(agent.deadline().0 - kept.0);
+        let end = Stamp(agent.deadline().0 - kept.0 - self.kept_for_parts.0);
         let grounding = search(agent, &mut self.explorer, &self.grounder, &self.knowledge, text, thoroughness, end)?;
         let now_s = agent.now().as_s();
         agent.journal.note(now_s, format!("`{text}` is {:?}: {}", grounding.status, grounding.decided_by), None);

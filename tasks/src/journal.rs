@@ -8,7 +8,9 @@ use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
 use nalgebra::Point2;
+use std::collections::VecDeque;
 use std::sync::Arc;
+use std::sync::mpsc::Sender;
 
 /// A moment worth showing.
 #[derive(Clone, Debug)]
@@ -63,6 +65,10 @@ pub const FARTHEST_M: f64 = 1.25;
 /// One sample in so much simulated time.
 const SAMPLE_EVERY: Span = Span(100_000_000);
 
+/// So many of the last frames are kept, so far apart.
+const RECENT: usize = 6;
+const RECENT_EVERY: Span = Span(1_500_000_000);
+
 /// Path, poses of the head camera, pictures, events and samples of a run.
 #[derive(Default)]
 pub struct Journal {
@@ -82,10 +88,14 @@ pub struct Journal {
     pub control: Option<ControlSample>,
     /// Frames kept with events.
     pub pictures: Vec<(String, Arc<RgbdFrame>)>,
+    /// The last frames of the head camera, a second and a half apart.
+    pub recent: VecDeque<Arc<RgbdFrame>>,
     /// Frames learned from.
     pub frames_learned: usize,
     /// Detections in them.
     pub detections: usize,
+    /// Is told the words of each event.
+    pub told: Option<Sender<String>>,
 }
 
 /// What a run looks like to the robot at one moment, for those who watch.
@@ -100,9 +110,15 @@ pub struct Moment<'a> {
 
 impl Journal {
     /// Notes a frame that was taken.
-    pub fn note_frame(&mut self, frame: &RgbdFrame, world_from_base: &Pose) {
+    pub fn note_frame(&mut self, frame: &Arc<RgbdFrame>, world_from_base: &Pose) {
         self.bases.push((frame.stamp, *world_from_base));
         if &*frame.camera == "head" {
+            if self.recent.back().is_none_or(|last| frame.stamp - last.stamp >= RECENT_EVERY) {
+                self.recent.push_back(frame.clone());
+                while self.recent.len() > RECENT {
+                    self.recent.pop_front();
+                }
+            }
             self.path.push(Point2::from(world_from_base.translation.vector.xy()));
             self.views.push(frame.world_from_camera);
         }
@@ -147,6 +163,10 @@ impl Journal {
         tracing::info!("{at_s:7.2} s  {what}");
         if let Some(frame) = picture {
             self.pictures.push((format!("{at_s:.1} s: {what}"), frame.clone()));
+        }
+        if let Some(told) = &self.told {
+            // Nobody waits for words any more: then nobody needs them.
+            let _ = told.send(what.clone());
         }
         self.events.push(Event { at_s, what });
     }

@@ -1,5 +1,6 @@
 //! The judge: the one place that reads ground truth. It says whether expectations hold and measures the run.
 
+mod disturbed;
 mod rest;
 
 use crate::episode::{Expectation, ExpectationKind};
@@ -9,6 +10,7 @@ use crate::summary::{
     TruthSummary,
 };
 use crate::ways::{Goal, Track, contains, distance_m, find_shortest_m};
+use disturbed::{Disturbed, fastest_with_person};
 use dsm::eval::{TrueJoint, TrueObject, TrueWorld, Truth};
 use dsm::map::Map;
 use dsm_robot::nav::{Costmap, CostmapConfig};
@@ -51,6 +53,7 @@ pub struct Judge {
     rests: Vec<Rest>,
     open: BTreeMap<(String, String), OpenContact>,
     closed: Vec<ContactSummary>,
+    disturbed: Disturbed,
 }
 
 impl Judge {
@@ -81,6 +84,7 @@ impl Judge {
             rests: vec![Rest::default(); n],
             open: BTreeMap::new(),
             closed: Vec::new(),
+            disturbed: Disturbed::default(),
         }
     }
 
@@ -93,9 +97,11 @@ impl Judge {
     pub fn observe(&mut self, truth: Truth) {
         let now_s = truth.stamp.as_s();
         self.track.note(now_s, place_of(&truth));
+        self.disturbed.observe(&truth);
         let first = self.first.get_or_insert_with(|| truth.clone());
         for (object, start) in truth.objects.iter().zip(&first.objects) {
-            let moved_m = (object.world_from_body.translation.vector - start.world_from_body.translation.vector).norm();
+            let start = self.disturbed.start_of(&object.body, &start.world_from_body);
+            let moved_m = (object.world_from_body.translation.vector - start.translation.vector).norm();
             let most = self.displacement.entry(object.body.clone()).or_insert(0.0);
             *most = most.max(moved_m);
         }
@@ -125,7 +131,8 @@ impl Judge {
         for (i, expectation) in self.expectations.iter().enumerate() {
             let Some(body) = &expectation.object else { continue };
             let (Some(now), Some(start)) = (find(truth, body), find(first, body)) else { continue };
-            let rise_m = now.world_from_body.translation.z - start.world_from_body.translation.z;
+            let start = self.disturbed.start_of(body, &start.world_from_body);
+            let rise_m = now.world_from_body.translation.z - start.translation.z;
             if rise_m >= expectation.height_m {
                 let since = *self.lifted_since_s[i].get_or_insert(now_s);
                 self.lifted[i] |= now_s - since >= expectation.hold_s;
@@ -182,7 +189,10 @@ impl Judge {
             ExpectationKind::RobotNear => self.judge_near(e, last),
             ExpectationKind::ObjectLifted => {
                 let rise = match (find(last, &body), find(first, &body)) {
-                    (Some(a), Some(b)) => a.world_from_body.translation.z - b.world_from_body.translation.z,
+                    (Some(a), Some(b)) => {
+                        let start = self.disturbed.start_of(&body, &b.world_from_body);
+                        a.world_from_body.translation.z - start.translation.z
+                    }
                     _ => f64::NAN,
                 };
                 let measured = format!("{body} is {rise:.3} m higher at the end; held long enough: {}", self.lifted[i]);
@@ -330,6 +340,12 @@ impl Judge {
             others_touched: self.count_others_touched(),
             min_clearance_m: self.min_clearance_m,
             limit_violations: self.limit_violations,
+            contact_force_max_n: self
+                .contacts()
+                .iter()
+                .filter(|c| !(self.hand.contains(&c.link) && is_target(&c.body)))
+                .fold(0.0, |most, c| f64::max(most, c.max_force_n)),
+            person_contact_max_m_per_s: fastest_with_person(&self.contacts()),
             non_target_displacement_max_m: self
                 .displacement
                 .iter()
@@ -385,6 +401,7 @@ impl Judge {
             target_pose_end: poses(&self.last),
             contacts: self.contacts(),
             limit_violations: self.violations.clone(),
+            disturbances: self.disturbed.happened(),
         }
     }
 }

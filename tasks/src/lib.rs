@@ -19,10 +19,12 @@ pub mod episode;
 pub mod episode_generator;
 pub mod error;
 pub mod executor;
+pub mod failure_page;
 pub mod gaze;
 pub mod joint_bounds;
 pub mod journal;
 pub mod judge;
+mod light;
 pub mod map_server;
 #[cfg(feature = "mcap")]
 pub mod mcap_file;
@@ -30,6 +32,7 @@ pub mod pace;
 pub mod perception;
 pub mod picture;
 pub mod plot;
+mod pose_watch;
 pub mod recording;
 pub mod report;
 #[cfg(feature = "rerun")]

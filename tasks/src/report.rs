@@ -10,6 +10,7 @@ use crate::run::Finished;
 use crate::summary::{ExpectationSummary, Metrics, StepOutcome, StepSummary, Summary};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use dsm::frame::RgbdFrame;
 use dsm::ground::{CandidateViews, Grounding, GroundingStatus};
 use dsm::map::{Map, ObjectId, RoomId};
 use dsm::raster::Renderer;
@@ -17,6 +18,7 @@ use dsm::store::{ShownObject, show_map};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fmt::Write;
+use std::sync::Arc;
 
 /// A page holds at most so many pictures, evenly chosen with the first and the last; more would make it heavy.
 const MOST_PICTURES: usize = 16;
@@ -37,6 +39,8 @@ pub struct IndexLine<'a> {
     pub metrics: Option<&'a Metrics>,
     /// The report, relative to the index; `None` when there is none.
     pub report: Option<String>,
+    /// The page of the failure, relative to the index; `None` when there is none.
+    pub failure: Option<String>,
 }
 
 /// The index page of a suite; `summary` says in words how it went.
@@ -55,10 +59,15 @@ pub fn index_page(summary: &str, lines: &[IndexLine<'_>]) -> String {
             Some(report) => format!("<a href=\"{}\">{name}</a>", escape(report)),
             None => name,
         };
+        let mark = format!("<span class=\"mark {class}\">{word}</span>");
+        let mark = match &line.failure {
+            Some(page) => format!("<a href=\"{}\">{mark}</a>", escape(page)),
+            None => mark,
+        };
         let of = |value: fn(&Metrics) -> Option<String>| line.metrics.and_then(value).unwrap_or_else(|| "-".to_owned());
         let _ = writeln!(
             html,
-            "<tr><td>{name}</td><td><span class=\"mark {class}\">{word}</span></td><td class=\"number\">{}</td>\
+            "<tr><td>{name}</td><td>{mark}</td><td class=\"number\">{}</td>\
              <td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
              <td>{}</td></tr>",
             of(|m| Some(format!("{:.1} s", m.sim_time_s))),
@@ -73,7 +82,8 @@ pub fn index_page(summary: &str, lines: &[IndexLine<'_>]) -> String {
     close_page(html)
 }
 
-fn open_page(title: &str) -> String {
+/// The beginning of a page, up to its content.
+pub(crate) fn open_page(title: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -81,7 +91,8 @@ fn open_page(title: &str) -> String {
     )
 }
 
-fn close_page(mut html: String) -> String {
+/// The end of a page.
+pub(crate) fn close_page(mut html: String) -> String {
     html.push_str("</main>\n</body>\n</html>\n");
     html
 }
@@ -304,17 +315,26 @@ fn write_pictures(html: &mut String, journal: &Journal) {
     if journal.pictures.is_empty() {
         return;
     }
-    html.push_str("<h2>Pictures</h2>\n<div class=\"pictures\">\n");
+    html.push_str("<h2>Pictures</h2>\n");
     let count = journal.pictures.len();
     let shown = count.min(MOST_PICTURES);
     let at = |i: usize| if shown > 1 { i * (count - 1) / (shown - 1) } else { 0 };
-    let encode = |i: usize| {
-        let small = halved(&journal.pictures[at(i)].1);
+    let chosen: Vec<_> = (0..shown).map(|i| journal.pictures[at(i)].clone()).collect();
+    write_figures(html, &chosen);
+    if shown < count {
+        let _ = writeln!(html, "<p class=\"dim\">{shown} of {count} pictures</p>");
+    }
+}
+
+/// Frames with captions, in colour and depth.
+pub(crate) fn write_figures(html: &mut String, pictures: &[(String, Arc<RgbdFrame>)]) {
+    let encode = |(_, frame): &(String, Arc<RgbdFrame>)| {
+        let small = halved(frame);
         (small.model, [color_png(&small), depth_png(&small)].map(|png| STANDARD.encode(png)))
     };
-    let pictures: Vec<_> = (0..shown).into_par_iter().map(encode).collect();
-    for (i, (model, encoded)) in pictures.iter().enumerate() {
-        let (caption, frame) = &journal.pictures[at(i)];
+    let encoded: Vec<_> = pictures.par_iter().map(encode).collect();
+    html.push_str("<div class=\"pictures\">\n");
+    for ((caption, frame), (model, encoded)) in pictures.iter().zip(&encoded) {
         let caption = escape(caption);
         let _ = write!(html, "<figure><div>");
         for (what, png) in ["colour", "depth"].into_iter().zip(encoded) {
@@ -330,9 +350,6 @@ fn write_pictures(html: &mut String, journal: &Journal) {
         let _ = writeln!(html, "</div><figcaption>{caption} ({} camera)</figcaption></figure>", escape(&frame.camera));
     }
     html.push_str("</div>\n");
-    if shown < count {
-        let _ = writeln!(html, "<p class=\"dim\">{shown} of {count} pictures</p>");
-    }
 }
 
 fn write_objects(html: &mut String, map: &Map) {
@@ -395,7 +412,7 @@ fn attributes_of(object: &ShownObject) -> String {
 }
 
 /// A word of an enum as it stands in `summary.json`.
-fn word_of<T: Serialize>(value: &T) -> String {
+pub(crate) fn word_of<T: Serialize>(value: &T) -> String {
     let word = serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned));
     escape(&word.unwrap_or_default())
 }
@@ -437,4 +454,4 @@ time{display:inline-block;min-width:5em;color:var(--dim);font-variant-numeric:ta
 
 #[cfg(test)]
 #[path = "report_tests.rs"]
-mod tests;
+pub(crate) mod tests;

@@ -5,11 +5,10 @@ use crate::picture::tests::{small_frame, small_map};
 use crate::summary::{Failure, MapSummary, Stage, TruthSummary};
 use dsm::ground::{Candidate, ReferenceFrame};
 use nalgebra::Point2;
-use std::sync::Arc;
 
-const HOSTILE: &str = "<img src=x onerror=alert(1)>\"'&";
+pub(crate) const HOSTILE: &str = "<img src=x onerror=alert(1)>\"'&";
 
-fn finished(name: &str) -> Finished {
+pub(crate) fn finished(name: &str) -> Finished {
     let grounding = Grounding {
         status: GroundingStatus::Ambiguous,
         object_id: Some(ObjectId(7)),
@@ -65,6 +64,8 @@ fn finished(name: &str) -> Finished {
             others_touched: 0,
             min_clearance_m: Some(0.12),
             limit_violations: 0,
+            contact_force_max_n: 0.0,
+            person_contact_max_m_per_s: None,
             non_target_displacement_max_m: 0.004,
         },
         map: MapSummary { objects: 1, relations: 0, rooms: 0 },
@@ -135,6 +136,7 @@ fn the_index_links_every_report() {
         why: HOSTILE.to_owned(),
         metrics: report.map(|_| &finished.summary.metrics),
         report: report.map(str::to_owned),
+        failure: None,
     };
     let html = index_page("2 episodes", &[line(Some("apple-4/report.html")), line(None)]);
     assert!(html.contains("<a href=\"apple-4/report.html\">") && html.matches("<a ").count() == 1);
@@ -147,7 +149,7 @@ fn every_element_is_closed() {
     check_that_every_element_is_closed(&page_of("apple"));
 }
 
-fn check_that_every_element_is_closed(html: &str) {
+pub(crate) fn check_that_every_element_is_closed(html: &str) {
     let mut open = Vec::new();
     for rest in html.split('<').skip(1) {
         let tag = rest.split([' ', '>', '\n', '/']).next().unwrap_or_default();

@@ -71,7 +71,7 @@ impl Session {
         interrupted: Arc<AtomicBool>,
         progress: Box<dyn Progress>,
     ) -> Result<Self, TaskError> {
-        let Assembled { robot, model, detector, truth, judge } = assemble(spec)?;
+        let Assembled { robot, model, detector, truth, judge, words } = assemble(spec)?;
         let knowledge = knowledge()?;
         let is_taped = !tapes.is_empty();
         if let Some(path) = map_file {
@@ -97,6 +97,7 @@ impl Session {
         let parts = Parts { robot, model, perception, map, deadline, interrupted, on_tick, on_frame };
         let mut agent = Agent::new(parts, config);
         agent.journal.commands = is_taped.then(Vec::new);
+        agent.journal.told = Some(words);
         Ok(Self {
             spec: spec.clone(),
             executor: Executor::new(nav.clone(), grasping, grounder()?, knowledge),

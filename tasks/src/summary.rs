@@ -31,6 +31,8 @@ pub enum Stage {
     Safety,
     /// The simulated time ran out.
     Time,
+    /// A part of a sequence is not done.
+    Sequence,
     /// Done, but an expectation about the world does not hold.
     Judging,
     /// The program failed.
@@ -81,8 +83,11 @@ pub struct StepSummary {
     pub start_s: f64,
     /// How long it took, simulated seconds.
     pub duration_s: f64,
-    /// What the words were grounded to.
+    /// What the words were grounded to; of a sequence, those of its last part.
     pub grounding: Option<Grounding>,
+    /// The commands of a sequence, in order; empty when the step is one command.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<PartSummary>,
     /// Path of the base during the step, from ground truth, metres.
     #[serde(default)]
     pub path_length_m: f64,
@@ -92,6 +97,40 @@ pub struct StepSummary {
     /// Success weighted by the path length of this step alone; null without a shortest path.
     #[serde(default)]
     pub spl: Option<f64>,
+}
+
+/// One of several commands that a step's sentence held.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PartSummary {
+    /// The command.
+    pub command: String,
+    /// The skill it came to.
+    pub skill: String,
+    /// How it ended.
+    pub outcome: StepOutcome,
+    /// Why, in words.
+    pub reason: String,
+    /// How often it was begun.
+    pub attempts: u32,
+    /// When it began, simulated seconds.
+    pub start_s: f64,
+    /// How long it took, simulated seconds.
+    pub duration_s: f64,
+}
+
+impl PartSummary {
+    /// A part that was never begun.
+    pub fn skipped(command: &str, stamp_s: f64) -> Self {
+        Self {
+            command: command.to_owned(),
+            skill: String::new(),
+            outcome: StepOutcome::Skipped,
+            reason: "the run was cut short".into(),
+            attempts: 0,
+            start_s: stamp_s,
+            duration_s: 0.0,
+        }
+    }
 }
 
 /// The skill that sees all that can be reached, as a step names it.
@@ -109,6 +148,7 @@ impl StepSummary {
             start_s: stamp_s,
             duration_s: 0.0,
             grounding: None,
+            parts: Vec::new(),
             path_length_m: 0.0,
             shortest_path_m: None,
             spl: None,
@@ -161,7 +201,13 @@ pub struct Metrics {
     pub min_clearance_m: Option<f64>,
     /// Joint samples beyond position or velocity limits.
     pub limit_violations: u32,
-    /// The farthest that an object other than the targets was moved, metres.
+    /// Largest normal force of a contact of the robot, other than of its hand with a target, newtons.
+    #[serde(default)]
+    pub contact_force_max_n: f64,
+    /// Fastest closing speed with which a contact with a person began, metres per second; null without any.
+    #[serde(default)]
+    pub person_contact_max_m_per_s: Option<f64>,
+    /// The farthest that an object other than the targets was moved by the robot, metres.
     pub non_target_displacement_max_m: f64,
 }
 
@@ -215,6 +261,15 @@ pub struct LimitViolation {
     pub velocity: f64,
 }
 
+/// Something that was done to the world from outside.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct DisturbanceSummary {
+    /// When, simulated seconds.
+    pub at_s: f64,
+    /// What: the kind first.
+    pub what: String,
+}
+
 /// Ground truth for foreign scripts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TruthSummary {
@@ -227,6 +282,9 @@ pub struct TruthSummary {
     /// The first 50 samples in which a joint was beyond its limits.
     #[serde(default)]
     pub limit_violations: Vec<LimitViolation>,
+    /// What disturbed the world.
+    #[serde(default)]
+    pub disturbances: Vec<DisturbanceSummary>,
 }
 
 /// The whole account of an episode.

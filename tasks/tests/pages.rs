@@ -60,7 +60,7 @@ fn pages_open_without_complaints_and_fit_small_and_large_windows() {
     }
     command.env("DSM_TIME_LIMIT_S", "12").arg("suite").arg(episode).args(["--seeds", "2..3", "--out"]).arg(&out);
     command.stdout(Stdio::null()).stderr(Stdio::null()).status().unwrap();
-    for page in [out.join("index.html"), out.join("fetch_apple-2/report.html")] {
+    for page in ["index.html", "fetch_apple-2/report.html", "fetch_apple-2/failure.html"].map(|page| out.join(page)) {
         for width in [390, 1440] {
             let (needs, console) = open(browser, folder.path(), &page, width);
             assert!(console.is_empty(), "{}: {console:?}", page.display());

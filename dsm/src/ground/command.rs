@@ -155,6 +155,11 @@ fn find_verb(tokens: &[String], counts: impl Fn(&str) -> bool) -> Option<(usize,
     })
 }
 
+/// Whether a command begins here, with a verb that is no noun as well.
+pub(super) fn starts_with_verb(tokens: &[String]) -> bool {
+    find_verb(skip_openings(tokens), |verb| !NOUNS_TOO.contains(&verb)).is_some()
+}
+
 fn skip_openings(mut tokens: &[String]) -> &[String] {
     while let Some(length) = OPENINGS.iter().filter_map(|opening| starts_with(tokens, opening)).max() {
         // "go and get" opens, "go" alone is the verb.

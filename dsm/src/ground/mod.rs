@@ -45,6 +45,7 @@ mod retrieve;
 mod rooms;
 mod scene;
 mod select;
+mod sequence;
 mod spoken_names;
 mod subject;
 mod verify;
@@ -63,5 +64,6 @@ pub use query::{
     Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection, Viewpoint,
 };
 pub use referring::RankingWeights;
+pub use sequence::split_sequence;
 pub use verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
 pub use views::{CandidateViews, Levels};

@@ -101,7 +101,7 @@ fn drop_bleeding(target: &[Point3<f64>], obstacles: Vec<Point3<f64>>, bottom_m: 
 }
 
 /// Height of the surface below the target: the median of what lies below and around it close to its lowest points, else
-/// the lowest points themselves.
+/// the floor, when that is close, or the lowest points themselves.
 fn find_support(target: &[Point3<f64>], obstacles: &[Point3<f64>], bottom_m: f64) -> f64 {
     const AROUND_M: f64 = 0.08;
     const MIN_POINTS: usize = 5;
@@ -116,7 +116,31 @@ fn find_support(target: &[Point3<f64>], obstacles: &[Point3<f64>], bottom_m: f64
     };
     let heights: Vec<f64> = obstacles.iter().filter(near).map(|p| p.z).collect();
     if heights.len() < MIN_POINTS {
-        return bottom_m;
+        // The floor is no object of a map: what fell down lies on it.
+        return if bottom_m < -reach.0 { bottom_m.min(0.0) } else { bottom_m };
     }
     quantile(heights, 0.5).unwrap_or(bottom_m).min(bottom_m + 0.005)
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: what lies on the floor stands on it, however little of its lower half was seen.
+    use super::*;
+
+    #[test]
+    fn an_apple_seen_from_above_lies_on_the_floor() {
+        let cap = |bottom_m: f64| -> Vec<Point3<f64>> {
+            let ring = |i: i32| (f64::from(i % 12) * 0.52, 0.036 * (1.0 - f64::from(i / 12) / 8.0));
+            (0..96)
+                .map(|i| (ring(i), i))
+                .map(|((turn, r), i)| {
+                    Point3::new(1.0 + r * turn.cos(), r * turn.sin(), bottom_m + 0.004 * f64::from(i / 12))
+                })
+                .collect()
+        };
+        let support =
+            |bottom_m: f64| GraspScene::from_points(&cap(bottom_m), &[], ApproachFrom::Anywhere).unwrap().support_z_m;
+        assert_eq!(support(0.035), 0.0);
+        assert!((support(0.3) - 0.3).abs() < 0.01, "on a shelf that was not seen its lowest points count");
+    }
 }

@@ -99,6 +99,13 @@ pub(super) fn find_main(lights: &[SceneLight]) -> Option<usize> {
         .map(|(i, _)| i)
 }
 
+/// A light with a share of its strength.
+pub(super) fn dimmed(mut light: Light, share: f32) -> Light {
+    let (Light::Directional { color, .. } | Light::Point { color, .. }) = &mut light;
+    *color = color.map(|c| c * share);
+    light
+}
+
 /// Scales all light down where a level surface would be brighter than white.
 fn expose(mut lights: Vec<Light>, ambient: [f32; 3]) -> (Vec<Light>, [f32; 3]) {
     let falls = |light: &Light| match *light {

@@ -1,13 +1,13 @@
 //! The scene and the robot as a camera sees them.
 
-use super::light::{LightDraw, find_main};
+use super::light::{LightDraw, dimmed, find_main};
 use super::shapes;
 use super::visual::{RobotVisual, as_solid};
 use crate::scene::{SceneMaterial, SceneMesh, SceneModel, SceneShape, TextureSpan};
 use dsm::Pose;
 use dsm::camera::CameraModel;
 use dsm::raster::{
-    Image, Instance, Material, MaterialIndex, MeshError, MeshIndex, RenderOptions, Renderer, Scene, Texture,
+    Image, Instance, Light, Material, MaterialIndex, MeshError, MeshIndex, RenderOptions, Renderer, Scene, Texture,
     TextureError, TextureIndex,
 };
 use dsm_robot::model::shapes::{Geometry, Mesh as PartMesh};
@@ -79,6 +79,8 @@ pub struct CameraRig {
     wholes: Vec<(usize, Pose)>,
     /// The light that throws shadows.
     main_light: Option<usize>,
+    /// All light there is: of each of the scene's, and from everywhere.
+    full_light: (Vec<Light>, [f32; 3]),
     renderer: Renderer,
     options: RenderOptions,
 }
@@ -106,11 +108,12 @@ impl CameraRig {
             builder.place(mesh, look, ROBOT_LABEL, Carrier::Link(visual.link), visual.link_from_shape);
         }
         let Builder { mut scene, carried, .. } = builder;
-        (scene.lights, scene.ambient) = light.apply(&model.lights);
+        let full_light = light.apply(&model.lights);
+        (scene.lights, scene.ambient) = full_light.clone();
         let main_light = find_main(&model.lights);
         let wholes = (0..model.bodies.len()).map(|body| (body, Pose::identity())).collect();
         let (renderer, options) = (Renderer::default(), RenderOptions::default());
-        Ok(Self { scene, carried, wholes, main_light, renderer, options })
+        Ok(Self { scene, carried, wholes, main_light, full_light, renderer, options })
     }
 
     /// The same with the label of the body that each body is seen as: `wholes` says which.
@@ -124,6 +127,16 @@ impl CameraRig {
         let within = |(body, whole): (usize, &usize)| (*whole, pose(*whole).inv_mul(&pose(body)));
         self.wholes = wholes.iter().enumerate().map(within).collect();
         self
+    }
+
+    /// Sets the share of the light that is there from the next image on, 0 to 1.
+    pub fn set_light(&mut self, share: f32) {
+        let (lights, ambient) = &self.full_light;
+        self.scene.lights = lights.iter().map(|light| dimmed(*light, share)).collect();
+        self.scene.ambient = ambient.map(|light| light * share);
+        // What lies beyond the walls is not lit by what is inside, but a window is no lamp either.
+        let gamma = share.powf(1.0 / 2.2);
+        self.options.background = RenderOptions::default().background.map(|c| (f32::from(c) * gamma).round() as u8);
     }
 
     /// The true image of one camera. `body_poses` (world from body) follow `SceneModel::bodies`, `link_poses` (world from

@@ -53,6 +53,14 @@ impl DetectorNoise {
         let clear = ((area_px - self.blind_below_px) as f64 / span).min(1.0);
         self.miss_rate + (1.0 - self.miss_rate) * (1.0 - clear).powi(2)
     }
+
+    /// Probability that a thing is missed because the picture is dark, given how bright its brightest parts are (0 to 255):
+    /// below 20 the sensor's noise is as large as what things differ by, from 60 on a picture is merely dim.
+    pub fn miss_in_dark(&self, brightness: u8) -> f64 {
+        const BLIND: f64 = 20.0;
+        const DIM: f64 = 60.0;
+        ((DIM - f64::from(brightness)) / (DIM - BLIND)).clamp(0.0, 1.0)
+    }
 }
 
 /// Kind of a draw; each has its own random stream.

@@ -114,8 +114,9 @@ impl SimDetector {
         noise: &DetectorNoise,
     ) -> Vec<Detection> {
         let mut items = Vec::new();
+        let dark = noise.miss_in_dark(brightness(frame));
         for candidate in self.merge(masks, image, frame, noise) {
-            let miss = noise.miss_probability(candidate.mask.area());
+            let miss = noise.miss_probability(candidate.mask.area()).max(dark);
             if candidate.draws.find_event(Event::Miss, miss).is_some() {
                 continue;
             }
@@ -203,6 +204,16 @@ impl Detector for SimDetector {
         items.sort_by_key(|item| (item.mask.runs.first().map(|run| run.start), item.mask.area()));
         Detections { frame: frame.id, items }
     }
+}
+
+/// How bright the brightest twentieth of a picture is at least, 0 to 255: whether there is light, whatever it falls on. A
+/// frame without colours counts as lit.
+fn brightness(frame: &RgbdFrame) -> u8 {
+    const EVERY: usize = 61;
+    const SHARE: usize = 20;
+    let mut greens: Vec<u8> = frame.color.iter().step_by(EVERY).map(|[_, green, _]| *green).collect();
+    let rank = greens.len() - greens.len().div_ceil(SHARE);
+    if greens.is_empty() { u8::MAX } else { *greens.select_nth_unstable(rank).1 }
 }
 
 /// From which of twelve directions in the floor plane the camera looks at the mask.
@@ -370,6 +381,19 @@ mod tests {
         let synonyms = items().filter(|item| known[2..].contains(&item.name.as_str())).count() as f64;
         assert!((0.14..=0.26).contains(&(synonyms / truth)), "{}", synonyms / truth);
         assert!(items().all(|item| item.score >= 0.05 && item.score < 1.0));
+    }
+
+    #[test]
+    fn nothing_is_found_in_the_dark() {
+        let (scene, semantics) = world(60, "b");
+        let (sender, receiver) = label_channel(LabelIds::Stable);
+        let mut detector = SimDetector::new(receiver, &scene, &semantics, DetectorPreset::Noisy, 11);
+        for (id, level, found) in [(0, 200, true), (1, 8, false)] {
+            let (mut frame, labels) = frame(id, 0.0, 60);
+            frame.color = vec![[level; 3]; labels.len()];
+            sender.send(frame.id, LabelImage::encode(WIDTH, &labels));
+            assert_eq!(!detector.detect(&frame).items.is_empty(), found, "brightness {level}");
+        }
     }
 
     #[test]

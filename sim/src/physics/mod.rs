@@ -11,6 +11,7 @@
 
 mod convert;
 mod drive;
+mod hands;
 mod inertia;
 mod motors;
 mod rapier;
@@ -255,6 +256,11 @@ pub trait Physics: Send {
     /// Force between the fingers and what they hold: the smaller of the two sides, newtons; 0 when nothing is held.
     fn grip_force_n(&self) -> f64;
 
+    /// What changes bodies from outside while the world runs; `None` when this engine has no such thing.
+    fn hands(&mut self) -> Option<&mut dyn Hands> {
+        None
+    }
+
     /// Index of a link by name.
     fn find_link(&self, name: &str) -> Option<usize> {
         self.link_names().iter().position(|n| n == name)
@@ -263,4 +269,14 @@ pub trait Physics: Send {
     fn find_joint(&self, name: &str) -> Option<usize> {
         self.joint_names().iter().position(|n| &**n == name)
     }
+}
+
+/// Changes bodies of a world from outside, as somebody who is no robot would. Only disturbances do that.
+pub trait Hands {
+    /// Puts a scene body somewhere else, at rest.
+    fn put_body(&mut self, body: usize, world_from_body: &Pose);
+    /// Takes a scene body out of the world for good.
+    fn take_away(&mut self, body: usize);
+    /// Gives a scene body a share of the friction that the scene says.
+    fn set_friction_share(&mut self, body: usize, share: f64);
 }

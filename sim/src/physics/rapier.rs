@@ -10,7 +10,7 @@ use super::scene_body::{IgnoredPairs, insert_scene};
 use super::scene_joint::{StandingPart, find_standing, pose_of};
 use super::settle::settle_scene;
 use super::spin::PadSpin;
-use super::{BodyVelocity, Contact, ContactParty, Engine, JointTarget, Physics, PhysicsConfig, PhysicsError};
+use super::{BodyVelocity, Contact, ContactParty, Engine, Hands, JointTarget, Physics, PhysicsConfig, PhysicsError};
 use crate::scene::SceneModel;
 use dsm::Pose;
 use dsm::time::{Span, Stamp};
@@ -45,8 +45,10 @@ impl Engine for Rapier {
 
 /// The world on rapier, single precision, deterministic on one thread.
 pub struct RapierPhysics {
-    world: PhysicsWorld,
-    scene_bodies: Vec<RigidBodyHandle>,
+    pub(super) world: PhysicsWorld,
+    pub(super) scene_bodies: Vec<RigidBodyHandle>,
+    /// Friction of the colliders of bodies that were made slippery, as the scene says.
+    pub(super) own_friction: BTreeMap<usize, Vec<f32>>,
     standing: Vec<Option<StandingPart>>,
     robot: BuiltRobot,
     motors: Motors,
@@ -83,6 +85,7 @@ impl RapierPhysics {
             world,
             scene_bodies,
             standing,
+            own_friction: BTreeMap::new(),
             robot: built,
             motors,
             spin: PadSpin::default(),
@@ -257,6 +260,10 @@ impl Physics for RapierPhysics {
 
     fn command_base(&mut self, twist: Twist) {
         self.motors.command_base(twist);
+    }
+
+    fn hands(&mut self) -> Option<&mut dyn Hands> {
+        Some(self)
     }
 
     fn joint_names(&self) -> &JointNames {

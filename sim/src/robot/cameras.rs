@@ -1,7 +1,9 @@
 //! Cameras: captures at their rates, images when they are read.
 
 use super::SimRobotError;
+use crate::disturb::Conditions;
 use crate::physics::Physics;
+use crate::world::stream;
 use dsm::Pose;
 use dsm::camera::CameraModel;
 use dsm::frame::{FrameId, RgbdFrame};
@@ -9,7 +11,12 @@ use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::{Cameras, DriverError};
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::RobotModel;
+use rand::RngExt;
+use std::collections::VecDeque;
 use std::sync::Arc;
+
+/// Stream of lost frames among all that a seed draws.
+const LOSS_STREAM: u64 = 0x6c6f_7374_0000;
 
 /// The world at the moment of a capture.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +39,8 @@ pub struct CaptureRequest<'a> {
     pub world_from_base: Pose,
     /// True positions of the robot's joints.
     pub joints: &'a JointPositions,
+    /// Share of the world's light that was there, 0 to 1.
+    pub light: f32,
 }
 
 /// Colour and depth as the sensor gives them, row-major.
@@ -53,6 +62,9 @@ pub trait Imager: Send {
 struct Capture {
     id: FrameId,
     stamp: Stamp,
+    /// When it can be read.
+    ready: Stamp,
+    light: f32,
     world_from_bodies: Vec<Pose>,
     world_from_links: Vec<Pose>,
     world_from_base: Pose,
@@ -67,7 +79,8 @@ struct SimCamera {
     model: CameraModel,
     period: Span,
     next: Stamp,
-    waiting: Option<Capture>,
+    /// The newest capture that is ready, then those on their way.
+    waiting: VecDeque<Capture>,
 }
 
 /// All cameras of the robot.
@@ -76,6 +89,9 @@ pub(super) struct SimCameras {
     imager: Box<dyn Imager>,
     body_count: usize,
     next_id: u64,
+    now: Stamp,
+    /// Seed of what is lost.
+    seed: u64,
 }
 
 impl SimCameras {
@@ -83,6 +99,7 @@ impl SimCameras {
         model: &RobotModel,
         physics: &dyn Physics,
         imager: Box<dyn Imager>,
+        seed: u64,
     ) -> Result<Self, SimRobotError> {
         let mut cameras = Vec::new();
         for settings in &model.settings.camera {
@@ -96,31 +113,45 @@ impl SimCameras {
                 model: CameraModel::from_vertical_fov(settings.width, settings.height, settings.vertical_fov_rad),
                 period: Span::from_s(1.0 / settings.rate_hz),
                 next: physics.now(),
-                waiting: None,
+                waiting: VecDeque::new(),
             });
         }
-        Ok(Self { cameras, imager, body_count: physics.body_count(), next_id: 0 })
+        Ok(Self { cameras, imager, body_count: physics.body_count(), next_id: 0, now: physics.now(), seed })
     }
 
     /// Captures with every camera that is due.
-    pub(super) fn tick(&mut self, physics: &dyn Physics, believed_world_from_base: &Pose) {
+    pub(super) fn tick(&mut self, physics: &dyn Physics, believed_world_from_base: &Pose, conditions: &Conditions) {
         let now = physics.now();
+        self.now = now;
         for camera in self.cameras.iter_mut().filter(|camera| now >= camera.next) {
             while camera.next <= now {
                 camera.next = camera.next + camera.period;
             }
             let links = physics.link_names().len();
             let base_from_camera = physics.world_from_base().inv_mul(&physics.world_from_link(camera.link));
-            camera.waiting = Some(Capture {
-                id: FrameId(self.next_id),
+            let id = FrameId(self.next_id);
+            self.next_id += 1;
+            let is_lost =
+                conditions.lost > 0.0 && stream(self.seed, LOSS_STREAM, id.0).random::<f64>() < conditions.lost;
+            if is_lost {
+                continue;
+            }
+            camera.waiting.push_back(Capture {
+                id,
                 stamp: now,
+                ready: now + conditions.late,
+                light: conditions.light,
                 world_from_bodies: (0..self.body_count).map(|body| physics.world_from_body(body)).collect(),
                 world_from_links: (0..links).map(|link| physics.world_from_link(link)).collect(),
                 world_from_base: physics.world_from_base(),
                 joints: physics.joint_positions(),
                 world_from_camera: believed_world_from_base * base_from_camera,
             });
-            self.next_id += 1;
+        }
+        for camera in &mut self.cameras {
+            while camera.waiting.get(1).is_some_and(|second| second.ready <= now) {
+                camera.waiting.pop_front();
+            }
         }
     }
 }
@@ -134,7 +165,11 @@ impl Cameras for SimCameras {
         let Some(found) = self.cameras.iter_mut().find(|c| *c.name == *camera) else {
             return Err(DriverError::NoCamera { name: camera.into(), known: self.names() });
         };
-        let Some(capture) = found.waiting.take() else { return Ok(None) };
+        let is_ready = |capture: &Capture| capture.ready <= self.now;
+        if !found.waiting.front().is_some_and(is_ready) {
+            return Ok(None);
+        }
+        let Some(capture) = found.waiting.pop_front() else { return Ok(None) };
         let image = self.imager.take_image(&CaptureRequest {
             id: capture.id,
             camera,
@@ -145,6 +180,7 @@ impl Cameras for SimCameras {
             stamp: capture.stamp,
             world_from_base: capture.world_from_base,
             joints: &capture.joints,
+            light: capture.light,
         });
         Ok(Some(RgbdFrame {
             id: capture.id,

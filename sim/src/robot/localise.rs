@@ -68,6 +68,8 @@ pub(super) struct SimLocalisation {
     /// Scale of odometry's path and turn.
     path_scale: f64,
     turn_scale: f64,
+    /// What is added to the believed pose: x, y and yaw.
+    jump: [f64; 3],
 }
 
 impl SimLocalisation {
@@ -89,16 +91,32 @@ impl SimLocalisation {
         } else {
             [Wander::default(); 3]
         };
-        Self { config, rng, stamp, truth, odom_from_base: Pose::identity(), wander, path_scale, turn_scale }
+        Self {
+            config,
+            rng,
+            stamp,
+            truth,
+            odom_from_base: Pose::identity(),
+            wander,
+            path_scale,
+            turn_scale,
+            jump: [0.0; 3],
+        }
     }
 
-    /// Follows the base to its true pose at `now`.
-    pub(super) fn tick(&mut self, now: Stamp, world_from_base: &Pose) {
+    /// Sets what is wrong with the believed pose from now on: shift in metres, turn in radians.
+    pub(super) fn set_jump(&mut self, jump: [f64; 3]) {
+        self.jump = jump;
+    }
+
+    /// Follows the base to its true pose at `now`, while its wheels have the share `grip` of their hold on the floor.
+    pub(super) fn tick(&mut self, now: Stamp, world_from_base: &Pose, grip: f64) {
         let dt_s = (now - self.stamp).as_s();
         let moved = self.truth.inv_mul(world_from_base);
         let (_, _, turned) = moved.rotation.euler_angles();
-        let step = Translation3::from(moved.translation.vector * self.path_scale);
-        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turned * self.turn_scale);
+        // Odometry counts the turns of the wheels.
+        let step = Translation3::from(moved.translation.vector * (self.path_scale / grip));
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turned * self.turn_scale / grip);
         self.odom_from_base *= Pose::from_parts(step, turn);
         if self.config.noise == LocalisationNoise::Noisy {
             for (wander, bound) in self.wander.iter_mut().zip([WANDER_AXIS_M, WANDER_AXIS_M, WANDER_RAD]) {
@@ -111,7 +129,7 @@ impl SimLocalisation {
 
     /// The believed pose at the last tick.
     pub(super) fn world_from_base_now(&self) -> Pose {
-        let [x, y, yaw] = self.wander.map(|w| w.smooth);
+        let [x, y, yaw]: [f64; 3] = std::array::from_fn(|axis| self.wander[axis].smooth + self.jump[axis]);
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
         // The heading wanders about the robot, not about the world's origin.
         let shifted = Translation3::from(self.truth.translation.vector + Vector3::new(x, y, 0.0));
@@ -151,7 +169,7 @@ mod tests {
         for tick in 1..=(seconds * 100.0) as i64 {
             let angle = tick as f64 * 0.01 * 0.3;
             let truth = pose(angle.sin(), 1.0 - angle.cos(), angle);
-            localisation.tick(Stamp(tick * 10_000_000), &truth);
+            localisation.tick(Stamp(tick * 10_000_000), &truth, 1.0);
             see(&mut localisation, &truth);
         }
     }
@@ -184,7 +202,7 @@ mod tests {
             let mut localisation =
                 SimLocalisation::new(config(seed, LocalisationNoise::Noisy), Stamp(0), Pose::identity());
             for tick in 1..=1000 {
-                localisation.tick(Stamp(tick * 10_000_000), &pose(tick as f64 * 0.01, 0.0, 0.0));
+                localisation.tick(Stamp(tick * 10_000_000), &pose(tick as f64 * 0.01, 0.0, 0.0), 1.0);
             }
             let x = localisation.odom_from_base.translation.x;
             assert!((x - 10.0).abs() <= 0.2 && x != 10.0, "seed {seed}: {x} m");

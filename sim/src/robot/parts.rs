@@ -22,6 +22,11 @@ fn finite(value: f64, what: &str) -> Result<f64, DriverError> {
     if value.is_finite() { Ok(value) } else { Err(DriverError::NotFinite { what: what.into() }) }
 }
 
+/// A twist times a number.
+pub(super) fn scaled(twist: Twist, by: f64) -> Twist {
+    Twist { forward_m_per_s: by * twist.forward_m_per_s, turn_rad_per_s: by * twist.turn_rad_per_s }
+}
+
 fn find_joint(physics: &dyn Physics, name: &str) -> Result<usize, SimRobotError> {
     physics.find_joint(name).ok_or_else(|| SimRobotError::NoJoint {
         joint: name.into(),
@@ -58,9 +63,10 @@ impl SimBase {
         if now - self.commanded_at > COMMAND_TIMEOUT { Twist::default() } else { self.commanded }
     }
 
-    pub(super) fn measure(&mut self, physics: &dyn Physics) {
+    /// Reads the wheels, which have the share `grip` of their hold on the floor.
+    pub(super) fn measure(&mut self, physics: &dyn Physics, grip: f64) {
         self.now = physics.now();
-        self.measured = physics.base_velocity();
+        self.measured = scaled(physics.base_velocity(), 1.0 / grip);
     }
 }
 

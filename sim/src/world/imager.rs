@@ -44,6 +44,7 @@ impl Imager for WorldImager {
             let _ = sender.send(recorder.record(request));
         }
         let (bodies, links) = (request.world_from_bodies, request.world_from_links);
+        self.rig.set_light(request.light);
         self.rig.render_into(bodies, links, request.model, &request.world_from_camera, &mut self.image);
         let labels = LabelImage::encode(request.model.width, &self.image.labels);
         if request.camera == WATCHED_CAMERA {

@@ -39,7 +39,8 @@ pub struct StartPose {
     pub yaw_rad: f64,
 }
 
-fn stream(seed: u64, stream: u64, part: u64) -> ChaCha8Rng {
+/// Generator of one part of one stream of a seed.
+pub(crate) fn stream(seed: u64, stream: u64, part: u64) -> ChaCha8Rng {
     let mut key = [0; 32];
     for (bytes, word) in key.chunks_exact_mut(8).zip([seed, stream, part, 0]) {
         bytes.copy_from_slice(&word.to_le_bytes());
@@ -71,6 +72,26 @@ pub(super) fn draw_placements(scene: &mut SceneModel, semantics: &Semantics, sol
     }
     for (body, pose) in scene.bodies.iter_mut().zip(draw.poses) {
         body.world_from_body = pose;
+    }
+}
+
+/// Places for a body of a world in motion, whose poses stand in the scene.
+pub(crate) struct Mover<'a>(Draw<'a>);
+
+impl<'a> Mover<'a> {
+    /// For a scene whose bodies stand as they stand now.
+    pub(crate) fn new(scene: &SceneModel, solids: &'a Solids) -> Self {
+        Self(Draw::new(scene, solids))
+    }
+
+    /// The poses of a body and of what it carries after a shift over what carries it, when that leaves it there and clear
+    /// of all else.
+    pub(crate) fn find_moved(&mut self, body: usize, shift: Vector3<f64>, yaw_rad: f64) -> Option<Vec<(usize, Pose)>> {
+        self.0.carrier[body]?;
+        let moved = self.0.collect_carried(body);
+        self.0
+            .try_move(body, shift, yaw_rad)
+            .then(|| moved.iter().map(|member| (*member, self.0.poses[*member])).collect())
     }
 }
 

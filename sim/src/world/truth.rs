@@ -2,10 +2,11 @@
 
 use super::solids::{Column, Solids};
 use crate::detect::LabelImage;
+use crate::disturb::Happening;
 use crate::physics::{Contact, ContactParty, Physics};
 use crate::scene::{BodyMotion, JointMotion, SceneJoint, SceneModel, SceneShape, Semantics, name_of_part};
 use dsm::Pose;
-use dsm::eval::{TrueContact, TrueJoint, TrueObject, TruePart, Truth};
+use dsm::eval::{TrueContact, TrueEvent, TrueJoint, TrueObject, TruePart, Truth};
 use dsm::geometry::{Aabb, OrientedBox};
 use dsm::time::{Span, Stamp};
 use nalgebra::{Point3, Vector3};
@@ -34,6 +35,7 @@ struct Touch {
 pub(crate) struct TruthSampler {
     sender: Sender<Truth>,
     views: Receiver<Vec<usize>>,
+    happenings: Receiver<Happening>,
     solids: Solids,
     objects: Vec<ObjectShape>,
     parts: Vec<PartOnJoint>,
@@ -72,10 +74,10 @@ struct ObjectShape {
 
 impl TruthSampler {
     /// A sampler for a run that begins at time 0, with the robot's footprint radius and height. `views` brings the
-    /// bodies that the watched camera sees, see [`find_in_view`].
+    /// bodies that the watched camera sees, see [`find_in_view`], `happenings` what disturbs the world.
     pub(crate) fn new(
         sender: Sender<Truth>,
-        views: Receiver<Vec<usize>>,
+        (views, happenings): (Receiver<Vec<usize>>, Receiver<Happening>),
         scene: &SceneModel,
         semantics: &Semantics,
         solids: Solids,
@@ -98,6 +100,7 @@ impl TruthSampler {
         Self {
             sender,
             views,
+            happenings,
             solids,
             objects: scene.bodies.iter().enumerate().skip(1).filter_map(object).collect(),
             parts: scene.joints.iter().map(part).collect(),
@@ -195,6 +198,12 @@ impl TruthSampler {
             approach_speed_m_per_s: touch.approach_speed_m_per_s,
         });
         let contacts = contacts.collect();
+        let event = |happening: Happening| TrueEvent {
+            stamp: happening.stamp,
+            what: happening.what,
+            moved: happening.moved.into_iter().map(|body| self.body_names[body].clone()).collect(),
+        };
+        let events = self.happenings.try_iter().map(event).collect();
         let (positions, velocities) = (physics.joint_positions(), physics.joint_velocities());
         let joints = positions.iter().zip(velocities.values()).map(|((name, position), velocity)| TrueJoint {
             name: name.to_owned(),
@@ -212,6 +221,7 @@ impl TruthSampler {
             in_view: self.in_view.clone(),
             joints: joints.collect(),
             parts,
+            events,
         }
     }
 

@@ -23,6 +23,8 @@ mod serve;
 mod serve_http;
 mod suite;
 mod suite_done;
+mod suite_parts;
+mod suite_recovery;
 mod suite_result;
 mod view;
 

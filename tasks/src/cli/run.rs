@@ -6,6 +6,7 @@ use super::view::{DEFAULT_PORT, View};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
+use crate::failure_page::{FAILURE_FILE, failure_page};
 use crate::perception::Tape;
 use crate::run::{Finished, Progress, RunSpec, run_taped};
 use crate::settings::Settings;
@@ -123,6 +124,9 @@ pub(super) fn run_taped_and_write(
         real_time_factor: sim_time_s / wall_s.max(1e-9),
     };
     write_atomically(&folder.join("report.html"), crate::report::page(&finished, &timing(run_s)).as_bytes())?;
+    if let Some(page) = failure_page(&finished, spec) {
+        write_atomically(&folder.join(FAILURE_FILE), page.as_bytes())?;
+    }
     write_atomically(&folder.join("summary.json"), to_json(&finished.summary)?.as_bytes())?;
     write_atomically(&folder.join("timing.json"), to_json(&timing(begin.elapsed().as_secs_f64()))?.as_bytes())?;
     Ok(finished)

@@ -6,8 +6,9 @@ use super::scene::write_scene;
 use super::suite_done::{Fingerprint, Program, find_done, write_done};
 use super::suite_result::{Suite, SuiteEpisode};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
-use crate::episode_generator::write_episodes;
+use crate::episode_generator::{Disturb, write_episodes, write_sequences};
 use crate::error::TaskError;
+use crate::failure_page::{FAILURE_FILE, crash_page};
 use crate::run::{RunSpec, Silent};
 use crate::settings::Settings;
 use crate::summary::Stage;
@@ -43,6 +44,13 @@ pub struct SuiteArgs {
     /// drive is weighed from where that ends (`metrics.known_map_spl`, `totals.known_map_spl`).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     generate: Option<u32>,
+    /// Something happens in each generated episode: one kind of `[[disturb]]`, or `all` kinds in turn. Only tasks that it can
+    /// happen to are asked for.
+    #[arg(long, value_name = "KIND", requires = "generate")]
+    disturb: Option<Disturb>,
+    /// Sequences of three commands in one sentence instead of single ones.
+    #[arg(long, requires = "generate", conflicts_with = "disturb")]
+    sequences: bool,
     /// Episodes that run side by side; never changes a result.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     workers: u16,
@@ -130,12 +138,17 @@ fn generate(count: u32, folder: &Path, args: &SuiteArgs) -> Result<Vec<RunSpec>,
         let episodes_folder = home_folder.join("episodes");
         std::fs::create_dir_all(&episodes_folder)
             .map_err(|source| TaskError::Read { path: episodes_folder.clone(), source })?;
-        for episode in write_episodes(&model, &semantics, &knowledge, seed, left) {
+        let episodes = match args.sequences {
+            true => write_sequences(&model, &semantics, &knowledge, seed, left),
+            false => write_episodes(&model, &semantics, &knowledge, seed, left, args.disturb),
+        };
+        for episode in episodes {
             let path = episodes_folder.join(format!("{}.toml", episode.name));
             write_atomically(&path, episode.text.as_bytes())?;
             files.push(path);
         }
-        if home > u64::from(count) + 8 {
+        // Not every home has what a disturbance needs.
+        if home > 8 * (u64::from(count) + 8) {
             return Err(TaskError::Internal("generated homes hold nothing to do".into()));
         }
     }
@@ -237,7 +250,12 @@ fn run_one(
     {
         return done;
     }
-    let failed = |stage: Stage, reason: String| SuiteEpisode::without_metrics(&spec.name, spec.seed, stage, reason);
+    let failed = |stage: Stage, reason: String| {
+        // The line says what went wrong, whether its page can be written or not.
+        let _ = std::fs::create_dir_all(&own);
+        let _ = write_atomically(&own.join(FAILURE_FILE), crash_page(spec, &reason).as_bytes());
+        SuiteEpisode::without_metrics(&spec.name, spec.seed, stage, reason)
+    };
     // Half a folder of an interrupted suite is replaced.
     let out = OutArgs { out: Some(own.clone()), force: true };
     let result = catch_unwind(AssertUnwindSafe(|| {

@@ -1,5 +1,8 @@
 //! What a suite comes to: one line per episode, sums with intervals, a table, a JUnit file and a page.
 
+use super::suite_parts::{Parts, Sequences, find_parts, sum_up};
+use super::suite_recovery::{self, Recovery, find_recoveries};
+use crate::failure_page::FAILURE_FILE;
 use crate::report::{IndexLine, index_page};
 use crate::summary::{Metrics, Stage, Summary};
 use schemars::JsonSchema;
@@ -31,6 +34,12 @@ pub(super) struct SuiteEpisode {
     /// The skill of its last step; null when it did not run to its end.
     #[serde(default)]
     pub skill: Option<String>,
+    /// Kinds of the disturbances that began.
+    #[serde(default)]
+    pub disturbances: Vec<String>,
+    /// The parts of its sequence; null when it is none.
+    #[serde(default)]
+    pub parts: Option<Parts>,
 }
 
 /// A share with its interval.
@@ -90,6 +99,10 @@ pub(super) struct Totals {
     sim_time_median_s: Option<f64>,
     /// Driven path, metres.
     path_length_m: f64,
+    /// What became of the episodes that were disturbed, by kind.
+    by_disturbance: BTreeMap<String, Recovery>,
+    /// What became of the sequences; null without any.
+    sequences: Option<Sequences>,
 }
 
 /// `suite.json`.
@@ -105,7 +118,14 @@ pub(super) struct Suite {
 
 impl From<Summary> for SuiteEpisode {
     fn from(summary: Summary) -> Self {
+        let begun = summary.truth.disturbances.iter().filter(|d| d.what.ends_with("begins"));
+        let mut disturbances: Vec<String> =
+            begun.filter_map(|d| d.what.split_whitespace().next().map(str::to_owned)).collect();
+        disturbances.sort();
+        disturbances.dedup();
         Self {
+            parts: find_parts(&summary),
+            disturbances,
             id: summary.episode,
             seed: summary.seed,
             success: summary.success,
@@ -128,6 +148,8 @@ impl SuiteEpisode {
             reason: Some(reason),
             metrics: None,
             skill: None,
+            disturbances: Vec::new(),
+            parts: None,
         }
     }
 
@@ -157,7 +179,10 @@ impl Suite {
             .episodes
             .iter()
             .map(|e| {
-                let report = format!("{}-{}/report.html", e.id, e.seed);
+                let page = |name: &str| {
+                    let page = format!("{}-{}/{name}", e.id, e.seed);
+                    folder.join(&page).is_file().then_some(page)
+                };
                 let stage = e.failed_stage.map(|stage| format!("{}: ", word(stage)));
                 IndexLine {
                     episode: &e.id,
@@ -165,7 +190,8 @@ impl Suite {
                     success: e.success,
                     why: stage.unwrap_or_default() + e.reason.as_deref().unwrap_or_default(),
                     metrics: e.metrics.as_ref(),
-                    report: folder.join(&report).is_file().then_some(report),
+                    report: page("report.html"),
+                    failure: page(FAILURE_FILE).filter(|_| !e.success),
                 }
             })
             .collect();
@@ -223,6 +249,16 @@ impl Suite {
         let median = t.sim_time_median_s.unwrap_or(0.0);
         let _ =
             writeln!(text, "simulated {:.0} s, median {median:.1} s; driven {:.0} m", t.sim_time_s, t.path_length_m);
+        text.push_str(&suite_recovery::table(&t.by_disturbance));
+        if let Some(sequences) = &t.sequences {
+            let _ = writeln!(
+                text,
+                "sequences complete {}\nparts done {}\naccounts true {}",
+                describe(&sequences.complete),
+                describe(&sequences.parts),
+                describe(&sequences.truthful)
+            );
+        }
         text
     }
 
@@ -279,7 +315,7 @@ fn word(stage: Stage) -> String {
     value.as_ref().and_then(|value| value.as_str()).unwrap_or("unknown").to_owned()
 }
 
-fn describe(share: &Share) -> String {
+pub(super) fn describe(share: &Share) -> String {
     let [rate, low, high] = [share.rate, share.interval[0], share.interval[1]].map(|v| 100.0 * v);
     format!("{} of {} ({rate:.1} %, 95 % interval {low:.1} to {high:.1} %)", share.count, share.of)
 }
@@ -327,10 +363,12 @@ fn totals(episodes: &[SuiteEpisode]) -> Totals {
         sim_time_s: metrics().map(|m| m.sim_time_s).sum(),
         sim_time_median_s: times.get(times.len() / 2).copied(),
         path_length_m: metrics().map(|m| m.path_length_m).sum(),
+        by_disturbance: find_recoveries(episodes),
+        sequences: sum_up(episodes),
     }
 }
 
-fn share(count: usize, of: usize) -> Share {
+pub(super) fn share(count: usize, of: usize) -> Share {
     Share { count, of, rate: count as f64 / of.max(1) as f64, interval: wilson(count, of) }
 }
 
@@ -347,69 +385,4 @@ fn wilson(successes: usize, n: usize) -> [f64; 2] {
 }
 
 #[cfg(test)]
-mod tests {
-    //! Contract: the interval is Wilson's; stages, skills and figures are summed; JUnit is XML whatever a reason holds.
-    use super::*;
-
-    fn line(id: &str, stage: Option<Stage>, spl: Option<f64>) -> SuiteEpisode {
-        let metrics = Metrics {
-            sim_time_s: 10.0,
-            path_length_m: 2.0,
-            shortest_path_m: spl.map(|_| 1.0),
-            spl,
-            soft_spl: spl,
-            known_map_spl: None,
-            collisions: u32::from(stage.is_some()),
-            others_touched: u32::from(stage.is_some()),
-            min_clearance_m: Some(0.1),
-            limit_violations: 0,
-            non_target_displacement_max_m: 0.06,
-        };
-        SuiteEpisode {
-            id: id.to_owned(),
-            seed: 1,
-            success: stage.is_none(),
-            failed_stage: stage,
-            reason: stage.map(|_| "a < b & \"c\"\u{1}\nd".to_owned()),
-            metrics: Some(metrics),
-            skill: Some("grasp".to_owned()),
-        }
-    }
-
-    #[test]
-    fn wilson_interval_of_nine_in_ten() {
-        // Value from R: binom::binom.wilson(9, 10).
-        let [low, high] = wilson(9, 10);
-        assert!((low - 0.5958).abs() < 1e-3 && (high - 0.9821).abs() < 1e-3, "{low} {high}");
-    }
-
-    #[test]
-    fn sums_count_each_episode_once() {
-        let crashed = SuiteEpisode::without_metrics("c", 2, Stage::Crash, "boom".into());
-        let suite = Suite::new(vec![line("a", None, Some(0.5)), line("b", Some(Stage::Hold), Some(0.0)), crashed]);
-        let t = &suite.totals;
-        assert_eq!((t.episodes, t.successes, t.collisions), (3, 1, 1));
-        assert_eq!((t.failed_stages["hold"].count, t.failed_stages["crash"].count), (1, 1));
-        assert_eq!((t.by_skill["grasp"].count, t.by_skill["grasp"].of), (1, 2));
-        assert_eq!((t.spl, t.with_displacement.count, t.with_others_touched.count), (Some(0.25), 2, 1));
-        assert!(!suite.all_succeed() && suite.table().contains("failed in hold"));
-    }
-
-    #[test]
-    fn what_explores_first_is_weighed_by_its_last_step_alone() {
-        let mut explored = line("b", None, Some(0.05));
-        explored.metrics.as_mut().unwrap().known_map_spl = Some(0.9);
-        let t = Suite::new(vec![line("a", None, Some(0.5)), explored]).totals;
-        assert_eq!((t.spl, t.soft_spl, t.known_map_spl), (Some(0.5), Some(0.5), Some(0.9)));
-        assert_eq!((t.with_known_map.count, t.with_known_map.of), (1, 1));
-    }
-
-    #[test]
-    fn junit_is_well_formed() {
-        let crashed = SuiteEpisode::without_metrics("c<1>", 2, Stage::Crash, "boom".into());
-        let text = Suite::new(vec![line("a", None, None), line("b", Some(Stage::Hold), None), crashed]).junit();
-        assert!(text.contains("tests=\"3\" failures=\"1\" errors=\"1\" time=\"20.00\""), "{text}");
-        assert!(text.contains("message=\"a &lt; b &amp; &quot;c&quot; d\""), "{text}");
-        assert!(text.contains("classname=\"c&lt;1&gt;\"") && text.contains("<error type=\"crash\""), "{text}");
-    }
-}
+mod tests;

@@ -3,17 +3,22 @@
 //! This is the judging side: it reads what the bodies of a scene are, writes episode files, and nothing of it reaches a
 //! run but the words of the commands.
 
+mod disturb;
 mod home;
 mod reach;
+mod sequence;
 mod words;
 
 use crate::episode::EPISODE_VERSION;
+pub use disturb::Disturb;
 use dsm::knowledge::Knowledge;
+use dsm_sim::disturb::DisturbanceKind;
 use dsm_sim::scene::{SceneModel, Semantics};
 use home::{Home, HomeObject};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+pub use sequence::write_sequences;
 use std::fmt::Write;
 use words::find_names;
 
@@ -38,6 +43,9 @@ enum Kind {
     Place,
 }
 
+/// Homes take turns in which disturbances they get; so many homes differ.
+const TURNS: usize = DisturbanceKind::ALL.len();
+
 /// The kinds of a home's episodes, in turn.
 const KINDS: [Kind; 8] =
     [Kind::Grasp, Kind::Navigate, Kind::Place, Kind::Grasp, Kind::Room, Kind::Grasp, Kind::Place, Kind::Navigate];
@@ -52,13 +60,15 @@ pub struct GeneratedEpisode {
 }
 
 /// Writes up to `count` episodes for a home whose scene lies one folder above the episode files; fewer when the home
-/// does not hold enough that words can tell apart. The same arguments give the same texts.
+/// does not hold enough that words can tell apart. With `disturb` something happens in each of them. The same arguments
+/// give the same texts.
 pub fn write_episodes(
     model: &SceneModel,
     semantics: &Semantics,
     knowledge: &Knowledge,
     seed: u64,
     count: usize,
+    disturb: Option<Disturb>,
 ) -> Vec<GeneratedEpisode> {
     // What can be asked for is the furniture with its doors closed.
     let model = &model.with_joints_held();
@@ -70,11 +80,28 @@ pub fn write_episodes(
     // Every other drive is to be made on a finished map, and a home has one with each when it has two.
     let mut explored = seed % 2 == 1;
     // A kind that a home cannot offer is skipped; a second round makes up for it with the others.
-    for kind in KINDS.iter().cycle().take(KINDS.len() * (count / KINDS.len() + 2)) {
+    let rounds = count / KINDS.len() + if disturb.is_some() { 2 * (count + 1) } else { 2 };
+    // A disturbance that no task of a whole round suits gives its turn to the next.
+    let (mut turn, mut misses) = (seed as usize % TURNS * count, 0);
+    for kind in KINDS.iter().cycle().take(KINDS.len() * rounds) {
         if episodes.len() == count {
             break;
         }
-        let Some(mut task) = find_task(*kind, &home, knowledge, &mut used, &mut rng) else { continue };
+        if misses == KINDS.len() {
+            (turn, misses) = (turn + 1, 0);
+        }
+        misses += 1;
+        let disturbance = disturb.map(|disturb| disturb.kind_of(turn));
+        if disturbance.is_some_and(|disturbance| !disturb::fits(disturbance, *kind)) {
+            continue;
+        }
+        let Some(mut task) = find_task(*kind, disturbance, &home, knowledge, &mut used, &mut rng) else { continue };
+        if let Some(disturbance) = disturbance
+            && !task.disturb(disturbance, *kind, &home, seed, episodes.len())
+        {
+            continue;
+        }
+        (turn, misses) = (turn + 1, 0);
         if matches!(kind, Kind::Navigate | Kind::Room) {
             explored = !explored;
             if explored {
@@ -93,6 +120,10 @@ pub fn write_episodes(
 
 /// A command and what it must lead to.
 struct Task {
+    /// Body that it is about; none for rooms.
+    body: Option<String>,
+    /// What disturbs it, as its file has it.
+    disturbance: String,
     kind: &'static str,
     why: String,
     command: String,
@@ -108,8 +139,8 @@ impl Task {
         let _ = write!(
             text,
             "scene = \"../scene.xml\"\nrobot = \"porter\"\nseed = {seed}\ntime_limit_s = {}\n\n{explore}[[step]]\ncommand = \"{}\"\n\n\
-             [[expect]]\n{}\n",
-            self.time_limit_s, self.command, self.expect
+             [[expect]]\n{}\n{}",
+            self.time_limit_s, self.command, self.expect, self.disturbance
         );
         text
     }
@@ -117,6 +148,7 @@ impl Task {
 
 fn find_task(
     kind: Kind,
+    disturbance: Option<DisturbanceKind>,
     home: &Home,
     knowledge: &Knowledge,
     used: &mut Vec<String>,
@@ -128,6 +160,8 @@ fn find_task(
             let room = (*rooms.get(rng.random_range(0..rooms.len().max(1)))?).clone();
             used.push(room.clone());
             Some(Task {
+                body: None,
+                disturbance: String::new(),
                 kind: "room",
                 why: "Only what stands in a room tells which it is.".into(),
                 command: format!("Go to the {room}"),
@@ -138,9 +172,11 @@ fn find_task(
         }
         Kind::Navigate => {
             let goals = |object: &HomeObject| !object.free && object.stands;
-            let (body, name, others) = choose(home, knowledge, &goals, used, rng)?;
+            let (body, name, others) = choose(home, knowledge, &goals, &|_, _| true, used, rng)?;
             let verb = ["Go to", "Navigate to", "Drive to"][rng.random_range(0..3)];
             Some(Task {
+                body: Some(body.clone()),
+                disturbance: String::new(),
                 kind: "navigate",
                 why: others,
                 command: format!("{verb} the {name}"),
@@ -150,9 +186,13 @@ fn find_task(
             })
         }
         Kind::Grasp => {
-            let (body, name, others) = choose(home, knowledge, &|object| object.graspable, used, rng)?;
+            let means =
+                |index: usize, name: &str| disturbance.is_none_or(|d| disturb::keeps_meaning(d, home, index, name));
+            let (body, name, others) = choose(home, knowledge, &|object| object.graspable, &means, used, rng)?;
             let verb = ["Grasp", "Pick up", "Take"][rng.random_range(0..3)];
             Some(Task {
+                body: Some(body.clone()),
+                disturbance: String::new(),
                 kind: "grasp",
                 why: others,
                 command: format!("{verb} the {name}"),
@@ -162,7 +202,7 @@ fn find_task(
             })
         }
         Kind::Place => {
-            let (body, name, others) = choose(home, knowledge, &|object| object.graspable, used, rng)?;
+            let (body, name, others) = choose(home, knowledge, &|object| object.graspable, &|_, _| true, used, rng)?;
             let (surface, surface_name) = choose_surface(home, knowledge, &body, rng)?;
             let command = if rng.random::<bool>() {
                 format!("Put the {name} on the {surface_name}")
@@ -170,6 +210,8 @@ fn find_task(
                 format!("Bring the {name} to the {surface_name}")
             };
             Some(Task {
+                body: Some(body.clone()),
+                disturbance: String::new(),
                 kind: "place",
                 why: others,
                 command,
@@ -181,11 +223,12 @@ fn find_task(
     }
 }
 
-/// A body that was not used yet, words that mean it alone, and how many others of its class there are.
+/// A body that was not used yet, words that mean it alone and suit what they are for, and how many others of its class there are.
 fn choose(
     home: &Home,
     knowledge: &Knowledge,
     wanted: &dyn Fn(&HomeObject) -> bool,
+    means: &dyn Fn(usize, &str) -> bool,
     used: &mut Vec<String>,
     rng: &mut ChaCha8Rng,
 ) -> Option<(String, String, String)> {
@@ -198,7 +241,8 @@ fn choose(
         candidates.sort_by_key(|index| others(index) < 2);
     }
     candidates.into_iter().find_map(|index| {
-        let names = find_names(index, home, knowledge);
+        let mut names = find_names(index, home, knowledge);
+        names.retain(|name| means(index, name));
         let name = names.get(rng.random_range(0..names.len().max(1)))?.clone();
         let object = &home.objects[index];
         used.push(object.body.clone());

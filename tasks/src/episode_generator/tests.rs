@@ -1,7 +1,7 @@
 //! Contract: generated episodes are valid, name bodies that are there, and their words mean one thing only.
 use super::*;
 use crate::episode::{Episode, ExpectationKind, SkillName};
-use dsm::ground::parse_command;
+use dsm::ground::{parse_command, split_sequence};
 use dsm_sim::scene::{HomeConfig, generate_home};
 use std::path::Path;
 
@@ -26,9 +26,9 @@ fn episodes_are_valid_and_name_what_is_there() {
     let (mut drives, mut explored) = (0, 0);
     for seed in 20..26 {
         let (folder, model, semantics) = load_home(seed);
-        let episodes = write_episodes(&model, &semantics, &knowledge, seed, 8);
+        let episodes = write_episodes(&model, &semantics, &knowledge, seed, 8, None);
         assert_eq!(episodes.len(), 8, "home {seed}");
-        assert_eq!(episodes, write_episodes(&model, &semantics, &knowledge, seed, 8), "the same texts again");
+        assert_eq!(episodes, write_episodes(&model, &semantics, &knowledge, seed, 8, None), "the same texts again");
         let home = Home::read(&model, &semantics);
         let mut commands = Vec::new();
         for generated in &episodes {
@@ -139,4 +139,53 @@ fn nobody_is_asked_for_what_no_place_is_near_enough_to() {
     assert_eq!(graspable(0.5), [false, false, true, true, true]);
     // In the middle of a table of two metres and a half.
     assert_eq!(graspable(1.25), [false, false, false, true, true]);
+}
+
+#[test]
+fn disturbed_episodes_are_valid_and_suit_what_happens() {
+    let knowledge = Knowledge::embedded().unwrap();
+    let mut kinds = Vec::new();
+    for seed in 20..26 {
+        let (folder, model, semantics) = load_home(seed);
+        let episodes = write_episodes(&model, &semantics, &knowledge, seed, 4, Some(Disturb::InTurn));
+        assert_eq!(episodes, write_episodes(&model, &semantics, &knowledge, seed, 4, Some(Disturb::InTurn)));
+        let home = Home::read(&model, &semantics);
+        for generated in &episodes {
+            let path = folder.path().join(format!("{}.toml", generated.name));
+            std::fs::write(&path, &generated.text).unwrap();
+            let episode = Episode::load(&path).unwrap_or_else(|error| panic!("{error}\n{}", generated.text));
+            let [disturbance] = &episode.disturbances[..] else { panic!("one disturbance: {}", generated.text) };
+            let expected = &episode.expectations[0];
+            if disturbance.kind.needs_object() {
+                let object = home.objects.iter().find(|o| Some(&o.body) == disturbance.object.as_ref());
+                assert!(object.is_some_and(|o| o.free), "{}", generated.text);
+                let refused = disturbance.kind == DisturbanceKind::ObjectRemoved;
+                assert_eq!(expected.kind == ExpectationKind::Refused, refused, "{}", generated.text);
+                assert!(refused || expected.object == disturbance.object, "{}", generated.text);
+            }
+            kinds.push(disturbance.kind);
+        }
+    }
+    for kind in DisturbanceKind::ALL {
+        assert!(kinds.iter().filter(|k| **k == kind).count() >= 2, "{kind:?}: {kinds:?}");
+    }
+    assert!("all".parse() == Ok(Disturb::InTurn) && "slip".parse() == Ok(Disturb::With(DisturbanceKind::Slip)));
+    assert!("slips".parse::<Disturb>().unwrap_err().contains("light_off"));
+}
+
+#[test]
+fn sequences_are_three_commands_with_an_expectation_each() {
+    let knowledge = Knowledge::embedded().unwrap();
+    for seed in 20..23 {
+        let (folder, model, semantics) = load_home(seed);
+        let episodes = write_sequences(&model, &semantics, &knowledge, seed, 3);
+        assert_eq!(episodes.len(), 3, "home {seed}");
+        for generated in &episodes {
+            let path = folder.path().join(format!("{}.toml", generated.name));
+            std::fs::write(&path, &generated.text).unwrap();
+            let episode = Episode::load(&path).unwrap_or_else(|error| panic!("{error}\n{}", generated.text));
+            let parts = split_sequence(episode.steps[0].command.as_ref().unwrap(), &knowledge);
+            assert_eq!((parts.len(), episode.expectations.len()), (3, 3), "{}", generated.text);
+        }
+    }
 }

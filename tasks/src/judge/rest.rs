@@ -97,6 +97,7 @@ mod tests {
             in_view: Vec::new(),
             joints: Vec::new(),
             parts: Vec::new(),
+            events: Vec::new(),
         }
     }
 

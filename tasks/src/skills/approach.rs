@@ -56,6 +56,7 @@ pub(super) fn come_to(
     obstacles: impl FnOnce(&mut Agent) -> Result<Vec<Obstacle>, Halt>,
 ) -> Result<Result<(), (Stage, String)>, Halt> {
     agent.gaze = Gaze::AHEAD;
+    agent.mark(format!("approaches the {what}"));
     let arrived = Drive::to_pose(nav, approach.unfold_at).run(agent)?;
     if arrived != DriveOutcome::Arrived {
         return Ok(Err((Stage::Planning, format!("the way to the {what} failed: {arrived:?}"))));

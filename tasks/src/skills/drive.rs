@@ -87,6 +87,7 @@ impl<'a> Drive<'a> {
 
     /// Drives.
     pub fn run(mut self, agent: &mut Agent) -> Result<DriveOutcome, Halt> {
+        agent.await_light()?;
         let still = JointVelocities::zeros(&agent.model().arm.joints);
         agent.take_touch();
         let mut trouble = 0;

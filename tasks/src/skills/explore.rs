@@ -316,6 +316,7 @@ fn look_towards(agent: &mut Agent, place: &Point2<f64>) -> Result<(), Halt> {
 /// Pans the head to one side into the room, and back over the other side looking at the floor around the base. What lies
 /// behind a head that cannot pan so far is looked at from the other side of the base.
 pub fn look_around(agent: &mut Agent, half_rad: f64) -> Result<(), Halt> {
+    agent.await_light()?;
     let turns = half_rad > sight_rad(agent.model());
     for half_turn in 0..=u32::from(turns) {
         if half_turn > 0 {

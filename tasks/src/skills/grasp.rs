@@ -3,7 +3,7 @@
 use super::Outcome;
 use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
-use super::hold::{between_fingers, close, verify};
+use super::hold::{Lifted, between_fingers, close, verify};
 use super::obstacles::find_obstacles;
 use super::retreat::retreat;
 use super::target::Target;
@@ -131,7 +131,7 @@ pub fn grasp(agent: &mut Agent, nav: &NavConfig, settings: &GraspSettings, id: O
     Ok(Outcome::Failed(last.0, format!("{} attempts; the last: {}", settings.max_attempts, last.1)))
 }
 
-pub(super) type Attempt = Result<String, (Stage, String)>;
+type Attempt = Result<String, (Stage, String)>;
 
 fn try_grasp(
     agent: &mut Agent,
@@ -160,6 +160,7 @@ fn try_grasp(
         return Ok(Err(failure));
     }
     // Look again from here.
+    agent.await_light()?;
     agent.rest(Span::from_s(1.2))?;
     let now_s = agent.now().as_s();
     let picture = agent.find_frame("head").map(|seen| seen.frame.clone());
@@ -259,12 +260,31 @@ fn try_grasp(
     let aperture_m = settings.planner.hand.max_aperture_m;
     let before =
         between_fingers(&points_of(&target.in_map(agent.map()), id), &grasp.world_from_tool, support_z_m, aperture_m);
+    agent.mark("lifts");
     let lifted = lift(agent, settings, &base_from_grasp, &reach.joints, &obstacles)?;
-    let verified = verify(agent, settings, &before, lifted)?;
+    let mut verified = verify(agent, settings, &before, lifted)?;
+    if let Ok(Lifted { sagged_m, .. }) = verified
+        && sagged_m > 0.0
+    {
+        agent.note(format!("it slipped by {:.0} mm in the hand: lifts on", 1e3 * sagged_m));
+        let (model, configuration) = (agent.model().clone(), agent.configuration()?);
+        let tool_now = model.kinematics.root_from_link(&configuration, model.tool);
+        let up = ToolMove {
+            goal: Translation3::new(0.0, 0.0, sagged_m) * tool_now,
+            obstacles: &obstacles,
+            touching: &fingers,
+            speed_m_per_s: settings.approach_speed_m_per_s,
+            posture: Some(&reach.joints),
+            give_up_after: STUCK_AFTER,
+            clearance_m: None,
+        };
+        let raised = move_tool(agent, &up)?;
+        verified = verify(agent, settings, &before, raised)?;
+    }
     if matches!(verified, Err((Stage::Hold, _))) {
         slipped_z_m.push(grasp.world_from_tool.translation.z);
     }
-    Ok(verified)
+    Ok(verified.map(|lifted| format!("lifted; {:.0} mm between the fingers", 1e3 * lifted.width_m)))
 }
 
 /// Lifts; where something is above the arm, out to the front first: on a shelf there is no room to lift.

@@ -1,7 +1,7 @@
 //! Closing the fingers, and verifying that they hold something.
 
 use super::arm::ArmOutcome;
-use super::grasp::{Attempt, GraspSettings};
+use super::grasp::GraspSettings;
 use crate::agent::{Agent, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
@@ -11,13 +11,27 @@ use dsm_robot::joints::JointVelocities;
 use nalgebra::Point3;
 use std::sync::Arc;
 
+/// What a lift came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Lifted {
+    /// Between the fingers, metres.
+    pub(super) width_m: f64,
+    /// How far the object hangs lower than the hand went up, as its lower end is seen, metres.
+    pub(super) sagged_m: f64,
+}
+
+/// A lower end that is seen so little is noise.
+const SAG_SHARE: f64 = 0.15;
+/// What a lift vacates is looked at up to so far below its height, metres.
+const BELOW_M: f64 = 0.03;
+
 /// Verified twice: by the width between the fingers, and by looking at where the object was.
 pub(super) fn verify(
     agent: &mut Agent,
     settings: &GraspSettings,
     before: &[Point3<f64>],
     lifted: ArmOutcome,
-) -> Result<Attempt, Halt> {
+) -> Result<Result<Lifted, (Stage, String)>, Halt> {
     agent.rest(Span::from_s(0.8))?;
     let width_m = agent.grip_state()?.width_m;
     let now_s = agent.now().as_s();
@@ -33,13 +47,19 @@ pub(super) fn verify(
     }
     // Only what a lift leaves behind tells: the lower end of a tall thing now stands where its upper end was.
     let bottom_z_m = before.iter().map(|p| p.z).fold(f64::INFINITY, f64::min);
-    let vacated_z_m = bottom_z_m + settings.planner.lift_m - 0.03;
+    let vacated_z_m = bottom_z_m + settings.planner.lift_m - BELOW_M;
     let left: Vec<Point3<f64>> = before.iter().filter(|p| p.z < vacated_z_m).copied().collect();
     let still_there = share_still_there(agent, &left);
     if still_there > 0.5 {
         return Ok(Err((Stage::Grasp, format!("{:.0} % of the object is seen where it was", 100.0 * still_there))));
     }
-    Ok(Ok(format!("lifted; {:.0} mm between the fingers", 1e3 * width_m)))
+    let sagged_m = sag_m(still_there, settings.planner.lift_m);
+    Ok(Ok(Lifted { width_m, sagged_m }))
+}
+
+/// How far a thing hangs lower than the hand went up, when this share of what it was to leave is still filled.
+fn sag_m(still_there: f64, lift_m: f64) -> f64 {
+    if still_there > SAG_SHARE { BELOW_M + still_there * (lift_m - BELOW_M) } else { 0.0 }
 }
 
 /// Closes the fingers until they stop; the width between them.
@@ -109,6 +129,13 @@ mod tests {
     //! Contract: only what the hand takes along tells whether a lift succeeded.
     use super::*;
     use nalgebra::{Translation3, UnitQuaternion, Vector3};
+
+    #[test]
+    fn a_shampoo_that_slipped_by_nine_centimetres_is_lifted_on_by_as_much() {
+        // Lifted by 14 cm, its lower end hangs 5 cm up: of the 11 cm that it was to leave it fills the upper 6.
+        assert!((sag_m(6.0 / 11.0, 0.14) - 0.09).abs() < 1e-9);
+        assert_eq!(sag_m(0.1, 0.14), 0.0, "noise");
+    }
 
     #[test]
     fn the_shelf_in_a_bottles_cloud_stays_behind() {

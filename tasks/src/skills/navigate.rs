@@ -83,10 +83,12 @@ pub fn navigate_to_object(
             return Ok(Outcome::Failed(Stage::Planning, reason));
         };
         tried.push(place.pose.position);
+        agent.mark("approaches the object");
         agent.gaze = Gaze::AHEAD;
         if Drive::to_pose(nav, place.pose).run(agent)? == DriveOutcome::Arrived {
             let center = agent.map().find_object(id).map_or(bounds.center, |object| object.bounds.center);
             agent.gaze = Gaze::Point(center);
+            agent.await_light()?;
             agent.rest(Span::from_s(1.5))?;
             reached = true;
             if is_seen(agent, id) {

@@ -12,6 +12,10 @@ fn episode_of(bytes: impl AsRef<[u8]>) -> Bench {
     Bench::new().file("episode.toml", bytes)
 }
 
+fn disturbed(disturbance: &str) -> Bench {
+    episode("object = \"apple_1\"", &format!("object = \"apple_1\"\n\n[[disturb]]\n{disturbance}"))
+}
+
 refuse! {
     episode_is_missing: Bench::new(), ["run", "nowhere.toml"], ["nowhere.toml", "No such file"];
     episode_is_a_folder: Bench::new().folder("episodes"), ["run", "episodes"], ["episodes", "directory"];
@@ -51,6 +55,18 @@ refuse! {
     expected_room_is_unknown:
         episode("kind = \"object_lifted\"\nobject = \"apple_1\"", "kind = \"robot_near\"\nroom = \"kitchn\""), RUN,
         ["episode.toml:12: room `kitchn` is not in the scene; did you mean `kitchen`?"];
+    disturbance_without_start: disturbed("kind = \"light_off\""), RUN,
+        ["episode.toml:14:", "one of at_s, on and within_m says when it begins"];
+    disturbance_with_two_starts: disturbed("kind = \"light_off\"\nat_s = 3\non = \"lifts\""), RUN, ["episode.toml:14:", "one of"];
+    disturbance_is_unknown: disturbed("kind = \"light_of\"\nat_s = 3"), RUN,
+        ["episode.toml:15:", "\"light_of\"", "did you mean `light_off`?"];
+    disturbance_key_is_misspelt: disturbed("kind = \"light_off\"\nats = 3"), RUN,
+        ["episode.toml:16: unknown key `disturb[0].ats`; did you mean `at_s`?"];
+    disturbance_share_is_too_large: disturbed("kind = \"frames\"\nat_s = 3\nshare = 1.0"), RUN,
+        ["episode.toml:17: `disturb[0].share` is 1.0; expected >= 0 and <= 0.95"];
+    disturbance_of_nothing: disturbed("kind = \"slip\"\non = \"lifts\""), RUN, ["episode.toml:14:", "object = \"body\""];
+    disturbed_body_is_unknown: disturbed("kind = \"slip\"\non = \"lifts\"\nobject = \"aple_1\""), RUN,
+        ["episode.toml:17: free body `aple_1` is not in the scene; did you mean `apple_1`?"];
     scene_of_episode_is_missing: episode("scene.xml", "scenes.xml"), RUN, ["scenes.xml", "MJCF"];
     robot_of_episode_is_unknown: episode("porter", "butler"), RUN, ["robot `butler`", "porter"];
     suite_with_a_broken_episode: Bench::new().file("episodes/broken.toml", "version = 1\nscen = \"x\"\n"), ["suite", "episodes"],
