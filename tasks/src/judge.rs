@@ -1,5 +1,6 @@
 //! The judge: the one place that reads ground truth. It says whether expectations hold and measures the run.
 
+mod opened;
 mod rest;
 
 use crate::episode::{Expectation, ExpectationKind};
@@ -13,6 +14,7 @@ use dsm::eval::{TrueJoint, TrueObject, TrueWorld, Truth};
 use dsm::map::Map;
 use dsm_robot::nav::{Costmap, CostmapConfig};
 use nalgebra::{Isometry3, Point2};
+use opened::{Opened, wanted_of};
 use rest::Rest;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -49,6 +51,7 @@ pub struct Judge {
     lifted_since_s: Vec<Option<f64>>,
     lifted: Vec<bool>,
     rests: Vec<Rest>,
+    opened: Vec<Opened>,
     open: BTreeMap<(String, String), OpenContact>,
     closed: Vec<ContactSummary>,
 }
@@ -79,6 +82,7 @@ impl Judge {
             lifted_since_s: vec![None; n],
             lifted: vec![false; n],
             rests: vec![Rest::default(); n],
+            opened: vec![Opened::default(); n],
             open: BTreeMap::new(),
             closed: Vec::new(),
         }
@@ -124,6 +128,10 @@ impl Judge {
         let Some(first) = &self.first else { return };
         for (i, expectation) in self.expectations.iter().enumerate() {
             let Some(body) = &expectation.object else { continue };
+            if let Some(wanted) = wanted_of(expectation) {
+                self.opened[i].follow(truth, &wanted);
+                continue;
+            }
             let (Some(now), Some(start)) = (find(truth, body), find(first, body)) else { continue };
             let rise_m = now.world_from_body.translation.z - start.world_from_body.translation.z;
             if rise_m >= expectation.height_m {
@@ -199,6 +207,7 @@ impl Judge {
                     format!("{} s", e.hold_s),
                 )
             }
+            ExpectationKind::JointOpen | ExpectationKind::JointClosed => self.judge_part(i, e, first, last),
             ExpectationKind::Grounding => {
                 let chosen = steps.iter().rev().find_map(|s| s.grounding.as_ref()).and_then(|g| g.object_id);
                 let center = chosen.and_then(|id| map.find_object(id)).map(|o| o.bounds.center);
@@ -245,6 +254,7 @@ impl Judge {
                 ExpectationKind::ObjectLifted if touched(&target.body) => (Stage::Hold, None),
                 ExpectationKind::ObjectLifted => (Stage::Grasp, None),
                 ExpectationKind::ObjectOn => (Stage::Place, None),
+                ExpectationKind::JointOpen | ExpectationKind::JointClosed => (Stage::Open, None),
                 ExpectationKind::RobotNear => (Stage::Planning, None),
                 ExpectationKind::Grounding => (Stage::Grounding, None),
                 ExpectationKind::Refused => (Stage::Judging, None),
@@ -313,7 +323,9 @@ impl Judge {
         let known_map_spl = steps
             .split_last()
             .and_then(|(last, earlier)| last.spl.filter(|_| earlier.iter().any(StepSummary::explores)));
-        let is_target = |body: &str| targets.contains(&body);
+        let contents: Vec<&str> =
+            self.expectations.iter().filter_map(wanted_of).flat_map(|wanted| self.contents(&wanted)).collect();
+        let is_target = |body: &str| targets.contains(&body) || contents.contains(&body);
         Metrics {
             sim_time_s: self.last.as_ref().map_or(0.0, |t| t.stamp.as_s()),
             path_length_m,
@@ -395,6 +407,8 @@ fn summary(e: &Expectation, passed: bool, measured: String, required: String) ->
         ExpectationKind::ObjectLifted => "object_lifted",
         ExpectationKind::ObjectOn => "object_on",
         ExpectationKind::Grounding => "grounding",
+        ExpectationKind::JointOpen => "joint_open",
+        ExpectationKind::JointClosed => "joint_closed",
         ExpectationKind::Refused => "refused",
     };
     ExpectationSummary { kind: kind.into(), passed, measured, required }
