@@ -24,6 +24,8 @@ const COLLISION_SPEED_M_PER_S: f64 = 0.1;
 const MAPPED_WITHIN_M: f64 = 0.25;
 /// A contact that is not seen for this long is a new one when it comes back, seconds.
 const CONTACT_GAP_S: f64 = 0.3;
+/// Contacts harder than this are told in the log as they grow, newtons.
+const LOUD_N: f64 = 60.0;
 /// So many violations of joint limits are listed; all are counted.
 const MAX_VIOLATIONS: usize = 50;
 
@@ -159,6 +161,9 @@ impl Judge {
             let key = (link.to_owned(), body.clone());
             if let Some(open) = self.open.get_mut(&key) {
                 if now_s - open.last_s <= CONTACT_GAP_S {
+                    if contact.force_n > open.contact.max_force_n && contact.force_n > LOUD_N {
+                        tracing::debug!("{now_s:7.2} s  {link} presses {body} with {:.0} N", contact.force_n);
+                    }
                     open.last_s = now_s;
                     open.contact.max_force_n = open.contact.max_force_n.max(contact.force_n);
                     continue;
