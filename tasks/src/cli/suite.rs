@@ -6,14 +6,14 @@ use super::scene::write_scene;
 use super::suite_done::{Fingerprint, Program, find_done, write_done};
 use super::suite_result::{Suite, SuiteEpisode};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
-use crate::episode_generator::write_episodes;
+use crate::episode_generator::{KINDS, Kind, write_episodes};
 use crate::error::TaskError;
 use crate::run::{RunSpec, Silent};
 use crate::settings::Settings;
 use crate::summary::Stage;
 use dsm::knowledge::Knowledge;
 use dsm::store::write_atomically;
-use dsm_sim::scene::{HomeConfig, SceneModel, Semantics, generate_home};
+use dsm_sim::scene::{Furniture, HomeConfig, SceneModel, Semantics, generate_home};
 use dsm_sim::world::WorldError;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -43,6 +43,12 @@ pub struct SuiteArgs {
     /// drive is weighed from where that ends (`metrics.known_map_spl`, `totals.known_map_spl`).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     generate: Option<u32>,
+    /// Furniture of the generated homes that opens as real furniture does: bar handles, weight, friction, things inside.
+    #[arg(long, requires = "generate")]
+    articulated: bool,
+    /// What the episodes are about, in turn; those that open things need `--articulated`.
+    #[arg(long, value_delimiter = ',', requires = "generate")]
+    kinds: Vec<Kind>,
     /// Episodes that run side by side; never changes a result.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     workers: u16,
@@ -113,13 +119,15 @@ fn generate(count: u32, folder: &Path, args: &SuiteArgs) -> Result<Vec<RunSpec>,
     let settings = Settings::resolve(&args.world, None, &|_| false)?;
     set_threads(settings.threads.value)?;
     let first = settings.seed.value;
+    let furniture = if args.articulated { Furniture::Articulated } else { Furniture::Plain };
+    let kinds = if args.kinds.is_empty() { &KINDS[..] } else { &args.kinds };
     let mut files: Vec<PathBuf> = Vec::new();
     let mut home = 0;
     while files.len() < count as usize {
         let seed = first.checked_add(home).ok_or_else(|| TaskError::Usage("--seed is too large".into()))?;
         home += 1;
         let rooms = FEWEST_ROOMS + (seed % 3) as u32;
-        let config = HomeConfig { seed, rooms, objects: rooms * OBJECTS_PER_ROOM, ..HomeConfig::default() };
+        let config = HomeConfig { seed, rooms, objects: rooms * OBJECTS_PER_ROOM, furniture };
         let scene = generate_home(&config).map_err(|error| TaskError::Internal(error.to_string()))?;
         let home_folder = folder.join("homes").join(&scene.name);
         write_scene(&scene, &home_folder, true)?;
@@ -130,7 +138,7 @@ fn generate(count: u32, folder: &Path, args: &SuiteArgs) -> Result<Vec<RunSpec>,
         let episodes_folder = home_folder.join("episodes");
         std::fs::create_dir_all(&episodes_folder)
             .map_err(|source| TaskError::Read { path: episodes_folder.clone(), source })?;
-        for episode in write_episodes(&model, &semantics, &knowledge, seed, left) {
+        for episode in write_episodes(&model, &semantics, &knowledge, seed, left, kinds) {
             let path = episodes_folder.join(format!("{}.toml", episode.name));
             write_atomically(&path, episode.text.as_bytes())?;
             files.push(path);

@@ -4,6 +4,7 @@
 //! run but the words of the commands.
 
 mod home;
+mod open;
 mod reach;
 mod words;
 
@@ -11,9 +12,11 @@ use crate::episode::EPISODE_VERSION;
 use dsm::knowledge::Knowledge;
 use dsm_sim::scene::{SceneModel, Semantics};
 use home::{Home, HomeObject};
+use open::{find_fetching, find_opening, find_parts};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use reach::Stands;
 use std::fmt::Write;
 use words::find_names;
 
@@ -22,6 +25,8 @@ use words::find_names;
 const TIME_LIMIT_S: f64 = 480.0;
 /// The same when a thing is to be carried to another place.
 const CARRY_LIMIT_S: f64 = 600.0;
+/// The same when furniture is to be opened.
+const OPEN_LIMIT_S: f64 = 600.0;
 /// The same when the home is explored first: all of it, and time for the way after that.
 const EXPLORED_LIMIT_S: f64 = 900.0;
 /// How often a thing with at least two others of its class is chosen before one without.
@@ -30,16 +35,27 @@ const DISTRACTED_SHARE: f64 = 0.6;
 const MOST_ON_SURFACE: usize = 3;
 
 /// What an episode is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub enum Kind {
+    /// Drive to a piece of furniture.
     Navigate,
+    /// Drive to a room.
     Room,
+    /// Lift a thing.
     Grasp,
+    /// Put a thing somewhere else.
     Place,
+    /// Open a drawer; only in homes whose furniture is made to be opened.
+    OpenDrawer,
+    /// Open a hinged door of a piece of furniture; in such homes only.
+    OpenDoor,
+    /// Take a thing out of a closed drawer; in such homes only.
+    FetchInside,
 }
 
-/// The kinds of a home's episodes, in turn.
-const KINDS: [Kind; 8] =
+/// The kinds of a home's episodes, in turn, unless others are asked for.
+pub const KINDS: [Kind; 8] =
     [Kind::Grasp, Kind::Navigate, Kind::Place, Kind::Grasp, Kind::Room, Kind::Grasp, Kind::Place, Kind::Navigate];
 
 /// An episode file.
@@ -59,22 +75,35 @@ pub fn write_episodes(
     knowledge: &Knowledge,
     seed: u64,
     count: usize,
+    kinds: &[Kind],
 ) -> Vec<GeneratedEpisode> {
     // What can be asked for is the furniture with its doors closed.
-    let model = &model.with_joints_held();
-    let mut home = Home::read(model, semantics);
-    reach::drop_out_of_reach(&mut home, model, semantics);
+    let held = &model.with_joints_held();
+    let mut home = Home::read(held, semantics);
+    let stands = Stands::find(held, semantics);
+    stands.drop_out_of_reach(&mut home);
+    let parts = find_parts(&home, model);
+    // What lies behind a closed front is asked for as such alone.
+    for thing in parts.iter().flat_map(|part| &part.contents) {
+        home.objects[*thing].graspable = false;
+    }
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6570_6973_6f64_6573);
     let mut used: Vec<String> = Vec::new();
     let mut episodes = Vec::new();
     // Every other drive is to be made on a finished map, and a home has one with each when it has two.
     let mut explored = seed % 2 == 1;
     // A kind that a home cannot offer is skipped; a second round makes up for it with the others.
-    for kind in KINDS.iter().cycle().take(KINDS.len() * (count / KINDS.len() + 2)) {
+    for kind in kinds.iter().cycle().take(kinds.len() * (count / kinds.len().max(1) + 2)) {
         if episodes.len() == count {
             break;
         }
-        let Some(mut task) = find_task(*kind, &home, knowledge, &mut used, &mut rng) else { continue };
+        let task = match kind {
+            Kind::OpenDrawer => find_opening(true, &home, &parts, &stands, knowledge, &mut used, &mut rng),
+            Kind::OpenDoor => find_opening(false, &home, &parts, &stands, knowledge, &mut used, &mut rng),
+            Kind::FetchInside => find_fetching(&home, &parts, &stands, knowledge, &mut used, &mut rng),
+            kind => find_task(*kind, &home, knowledge, &mut used, &mut rng),
+        };
+        let Some(mut task) = task else { continue };
         if matches!(kind, Kind::Navigate | Kind::Room) {
             explored = !explored;
             if explored {
@@ -123,6 +152,7 @@ fn find_task(
     rng: &mut ChaCha8Rng,
 ) -> Option<Task> {
     match kind {
+        Kind::OpenDrawer | Kind::OpenDoor | Kind::FetchInside => None,
         Kind::Room => {
             let rooms: Vec<&String> = home.rooms.iter().filter(|room| !used.contains(room)).collect();
             let room = (*rooms.get(rng.random_range(0..rooms.len().max(1)))?).clone();
