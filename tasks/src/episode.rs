@@ -94,6 +94,10 @@ pub enum ExpectationKind {
     ObjectOn,
     /// The last grounding points at the object.
     Grounding,
+    /// A part of the object (`part`, or any) is open by `at_least` of its way for `hold_s`, and nothing else was moved or pressed.
+    JointOpen,
+    /// The part of the object (`part`, or all) is closed for `hold_s`, and nothing else was moved or pressed.
+    JointClosed,
     /// The robot refused: it said that the target is absent or ambiguous, and touched nothing.
     Refused,
 }
@@ -113,6 +117,13 @@ pub struct Expectation {
     /// MJCF body of the support (`object_on` only).
     #[serde(default)]
     pub surface: Option<String>,
+    /// MJCF body of a door or drawer of the object (`joint_open`, `joint_closed` only); any of them, or all, when left out.
+    #[serde(default)]
+    pub part: Option<String>,
+    /// Share of its way for `joint_open`. Default 0.6, range 0.05 to 1.
+    #[serde(default = "default_at_least")]
+    #[schemars(range(min = 0.05, max = 1.0))]
+    pub at_least: f64,
     /// Distance for `robot_near`, metres. Default 1, range 0.1 to 10.
     #[serde(default = "default_within_m")]
     #[schemars(range(min = 0.1, max = 10.0))]
@@ -121,7 +132,7 @@ pub struct Expectation {
     #[serde(default = "default_height_m")]
     #[schemars(range(min = 0.01, max = 2.0))]
     pub height_m: f64,
-    /// Time for `object_lifted` and `object_on`, seconds. Default 2, range 0 to 60.
+    /// Time for `object_lifted`, `object_on`, `joint_open` and `joint_closed`, seconds. Default 2, range 0 to 60.
     #[serde(default = "default_hold_s")]
     #[schemars(range(min = 0.0, max = 60.0))]
     pub hold_s: f64,
@@ -145,6 +156,10 @@ fn default_height_m() -> f64 {
 
 fn default_hold_s() -> f64 {
     2.0
+}
+
+fn default_at_least() -> f64 {
+    0.6
 }
 
 impl Episode {
@@ -197,7 +212,10 @@ impl Episode {
         for (i, e) in self.expectations.iter().enumerate() {
             let complete = match e.kind {
                 ExpectationKind::RobotNear => e.object.is_some() != e.room.is_some(),
-                ExpectationKind::ObjectLifted | ExpectationKind::Grounding => e.object.is_some(),
+                ExpectationKind::ObjectLifted
+                | ExpectationKind::Grounding
+                | ExpectationKind::JointOpen
+                | ExpectationKind::JointClosed => e.object.is_some(),
                 ExpectationKind::ObjectOn => e.object.is_some() && e.surface.is_some(),
                 ExpectationKind::Refused => true,
             };
@@ -234,6 +252,8 @@ impl Expectation {
             object: None,
             room: None,
             surface: None,
+            part: None,
+            at_least: default_at_least(),
             within_m: default_within_m(),
             height_m: default_height_m(),
             hold_s: default_hold_s(),

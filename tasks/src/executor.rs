@@ -8,9 +8,10 @@ use crate::skills::Outcome;
 use crate::skills::drive::{Drive, DriveOutcome};
 use crate::skills::explore::{ExploreOutcome, Explorer, Interest};
 use crate::skills::fallen::find_fallen;
-use crate::skills::grasp::{GraspSettings, grasp};
+use crate::skills::grasp::{GraspSettings, grasp, grasp_standing_on};
 use crate::skills::held::{Held, Standing, carry, carrying};
 use crate::skills::navigate::{navigate_to_object, navigate_to_room, way_to};
+use crate::skills::open::open;
 use crate::skills::place::place;
 use crate::skills::retreat::retreat;
 use crate::skills::search::{Thoroughness, search};
@@ -129,6 +130,8 @@ impl Executor {
                 target: step.target.clone().unwrap_or_default(),
                 destination: None,
                 region: None,
+                part: None,
+                inside: None,
                 back: false,
             },
         };
@@ -145,14 +148,52 @@ impl Executor {
                 Ok(done(EXPLORE, format!("exploration ends: {outcome:?}"), None))
             }
             Action::Place | Action::Bring => self.fetch_and_place(agent, command),
-            Action::Navigate | Action::Grasp | Action::Find => self.act(agent, command),
+            Action::Navigate | Action::Grasp | Action::Find | Action::Open | Action::Close => self.act(agent, command),
         }
     }
 
+    /// Opens what the target lies in, looks inside and grasps it.
+    fn take_out(&mut self, agent: &mut Agent, command: &Command, whole: &str) -> Result<Done, Halt> {
+        const SKILL: &str = "take_out";
+        let furniture = match self.find(agent, SKILL, whole, Thoroughness::Enough)? {
+            Ok(grounding) => grounding,
+            Err(refused) => return Ok(*refused),
+        };
+        let Some(id) = furniture.object_id else {
+            let reason = "a room cannot be opened".into();
+            return Ok(failed(SKILL, Stage::Grounding, reason, Some(furniture)));
+        };
+        let (outcome, drawer) = open(agent, &self.nav, &self.grasping, id, command.part.unwrap_or_default())?;
+        if let Outcome::Failed(stage, reason) = outcome {
+            return Ok(failed(SKILL, stage, reason, Some(furniture)));
+        }
+        let Some(drawer) = drawer else {
+            let reason = "only drawers are looked into yet".into();
+            return Ok(failed(SKILL, Stage::Planning, reason, Some(furniture)));
+        };
+        let Some(floor_m) = drawer.look(agent, &self.nav)? else {
+            return Ok(failed(SKILL, Stage::Planning, "no way before the open drawer".into(), Some(furniture)));
+        };
+        let Some(inside) = drawer.find(agent, &self.grounder, &command.target) else {
+            let reason = format!("no {} is seen in the drawer", command.target);
+            return Ok(failed(SKILL, Stage::Mapping, reason, Some(furniture)));
+        };
+        let Some(id) = inside.object_id else {
+            return Ok(failed(SKILL, Stage::Mapping, "nothing is seen in the drawer".into(), Some(furniture)));
+        };
+        agent.note(format!("it is object {}", id.0));
+        Ok(settled(SKILL, grasp_standing_on(agent, &self.nav, &self.grasping, id, floor_m)?, inside))
+    }
+
     fn act(&mut self, agent: &mut Agent, command: &Command) -> Result<Done, Halt> {
+        if let (Action::Grasp, Some(whole)) = (command.action, &command.inside) {
+            return self.take_out(agent, command, whole);
+        }
         let skill = match command.action {
             Action::Grasp => "grasp",
             Action::Navigate => "navigate",
+            Action::Open => "open",
+            Action::Close => "close",
             _ => "find",
         };
         let grounding = match self.find(agent, skill, &command.target, Thoroughness::Enough)? {
@@ -163,6 +204,13 @@ impl Executor {
             (Action::Grasp, Some(id), _) => return self.grasp(agent, command, grounding, id),
             (Action::Grasp, None, _) => Outcome::Failed(Stage::Grounding, "a room cannot be grasped".into()),
             (Action::Navigate, Some(id), _) => self.go_to(agent, id, command.region)?,
+            (Action::Open, Some(id), _) => {
+                open(agent, &self.nav, &self.grasping, id, command.part.unwrap_or_default())?.0
+            }
+            (Action::Open | Action::Close, None, _) => {
+                Outcome::Failed(Stage::Grounding, "a room cannot be opened".into())
+            }
+            (Action::Close, ..) => Outcome::Failed(Stage::Open, "closing is not yet a skill".into()),
             (Action::Navigate, None, Some(room)) => navigate_to_room(agent, &self.nav, room)?,
             _ => Outcome::Done("found".into()),
         };

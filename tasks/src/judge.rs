@@ -1,6 +1,7 @@
 //! The judge: the one place that reads ground truth. It says whether expectations hold and measures the run.
 
 mod disturbed;
+mod opened;
 mod rest;
 
 use crate::episode::{Expectation, ExpectationKind};
@@ -15,6 +16,7 @@ use dsm::eval::{TrueJoint, TrueObject, TrueWorld, Truth};
 use dsm::map::Map;
 use dsm_robot::nav::{Costmap, CostmapConfig};
 use nalgebra::{Isometry3, Point2};
+use opened::{Opened, wanted_of};
 use rest::Rest;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -24,6 +26,8 @@ const COLLISION_SPEED_M_PER_S: f64 = 0.1;
 const MAPPED_WITHIN_M: f64 = 0.25;
 /// A contact that is not seen for this long is a new one when it comes back, seconds.
 const CONTACT_GAP_S: f64 = 0.3;
+/// Contacts harder than this are told in the log as they grow, newtons.
+const LOUD_N: f64 = 60.0;
 /// So many violations of joint limits are listed; all are counted.
 const MAX_VIOLATIONS: usize = 50;
 
@@ -51,6 +55,7 @@ pub struct Judge {
     lifted_since_s: Vec<Option<f64>>,
     lifted: Vec<bool>,
     rests: Vec<Rest>,
+    opened: Vec<Opened>,
     open: BTreeMap<(String, String), OpenContact>,
     closed: Vec<ContactSummary>,
     disturbed: Disturbed,
@@ -82,6 +87,7 @@ impl Judge {
             lifted_since_s: vec![None; n],
             lifted: vec![false; n],
             rests: vec![Rest::default(); n],
+            opened: vec![Opened::default(); n],
             open: BTreeMap::new(),
             closed: Vec::new(),
             disturbed: Disturbed::default(),
@@ -130,6 +136,10 @@ impl Judge {
         let Some(first) = &self.first else { return };
         for (i, expectation) in self.expectations.iter().enumerate() {
             let Some(body) = &expectation.object else { continue };
+            if let Some(wanted) = wanted_of(expectation) {
+                self.opened[i].follow(truth, &wanted);
+                continue;
+            }
             let (Some(now), Some(start)) = (find(truth, body), find(first, body)) else { continue };
             let start = self.disturbed.start_of(body, &start.world_from_body);
             let rise_m = now.world_from_body.translation.z - start.translation.z;
@@ -158,6 +168,9 @@ impl Judge {
             let key = (link.to_owned(), body.clone());
             if let Some(open) = self.open.get_mut(&key) {
                 if now_s - open.last_s <= CONTACT_GAP_S {
+                    if contact.force_n > open.contact.max_force_n && contact.force_n > LOUD_N {
+                        tracing::debug!("{now_s:7.2} s  {link} presses {body} with {:.0} N", contact.force_n);
+                    }
                     open.last_s = now_s;
                     open.contact.max_force_n = open.contact.max_force_n.max(contact.force_n);
                     continue;
@@ -209,6 +222,7 @@ impl Judge {
                     format!("{} s", e.hold_s),
                 )
             }
+            ExpectationKind::JointOpen | ExpectationKind::JointClosed => self.judge_part(i, e, first, last),
             ExpectationKind::Grounding => {
                 let chosen = steps.iter().rev().find_map(|s| s.grounding.as_ref()).and_then(|g| g.object_id);
                 let center = chosen.and_then(|id| map.find_object(id)).map(|o| o.bounds.center);
@@ -255,6 +269,7 @@ impl Judge {
                 ExpectationKind::ObjectLifted if touched(&target.body) => (Stage::Hold, None),
                 ExpectationKind::ObjectLifted => (Stage::Grasp, None),
                 ExpectationKind::ObjectOn => (Stage::Place, None),
+                ExpectationKind::JointOpen | ExpectationKind::JointClosed => (Stage::Open, None),
                 ExpectationKind::RobotNear => (Stage::Planning, None),
                 ExpectationKind::Grounding => (Stage::Grounding, None),
                 ExpectationKind::Refused => (Stage::Judging, None),
@@ -323,7 +338,9 @@ impl Judge {
         let known_map_spl = steps
             .split_last()
             .and_then(|(last, earlier)| last.spl.filter(|_| earlier.iter().any(StepSummary::explores)));
-        let is_target = |body: &str| targets.contains(&body);
+        let contents: Vec<&str> =
+            self.expectations.iter().filter_map(wanted_of).flat_map(|wanted| self.contents(&wanted)).collect();
+        let is_target = |body: &str| targets.contains(&body) || contents.contains(&body);
         Metrics {
             sim_time_s: self.last.as_ref().map_or(0.0, |t| t.stamp.as_s()),
             path_length_m,
@@ -412,6 +429,8 @@ fn summary(e: &Expectation, passed: bool, measured: String, required: String) ->
         ExpectationKind::ObjectLifted => "object_lifted",
         ExpectationKind::ObjectOn => "object_on",
         ExpectationKind::Grounding => "grounding",
+        ExpectationKind::JointOpen => "joint_open",
+        ExpectationKind::JointClosed => "joint_closed",
         ExpectationKind::Refused => "refused",
     };
     ExpectationSummary { kind: kind.into(), passed, measured, required }

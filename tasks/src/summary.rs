@@ -27,6 +27,8 @@ pub enum Stage {
     Hold,
     /// The object was not put where it belongs.
     Place,
+    /// A door or drawer does not stand as it should.
+    Open,
     /// A limit, the time limit or the emergency stop ended it.
     Safety,
     /// The simulated time ran out.

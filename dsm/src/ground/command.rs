@@ -1,6 +1,7 @@
 //! Commands: what to do with what, and where.
 
 use super::command_words::{ENDINGS, NOUNS_TOO, OPENINGS, VERBS};
+use super::part::{Part, split_container, split_part};
 use super::query::RelationWord;
 use super::words::{find_relation, tokens_of};
 use crate::knowledge::Knowledge;
@@ -20,6 +21,10 @@ pub enum Action {
     Place,
     /// Fetch it, and carry it to the destination or, without one, to where the command was given.
     Bring,
+    /// Open it, or the part of it that is named.
+    Open,
+    /// Close it, or the part of it that is named.
+    Close,
     /// Say where it is.
     Find,
     /// Look around until the surroundings are known; the target is empty.
@@ -40,6 +45,13 @@ pub struct Command {
     /// of the destination. `None` for at it, on it or in it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<RelationWord>,
+    /// What of the target is to be opened or closed; `None` when the words name the whole alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<Part>,
+    /// What holds the target, when it is to be taken out of a drawer or from behind a door: the words of the whole; `part`
+    /// says what to open.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inside: Option<String>,
     /// Whether it goes back to where it was taken from.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub back: bool,
@@ -82,13 +94,22 @@ pub fn parse_command(text: &str, knowledge: &Knowledge) -> Result<Command, Unpar
     let tokens = trim_ending(skip_openings(&tokens));
     let Some(first) = tokens.first() else { return Err(Unparsed::Empty) };
     let Some((length, action)) = find_verb(tokens, |_| true) else {
-        let known = ["navigate to", "grasp", "put ... on", "bring ... to", "find", "explore"].join(", ");
+        let known =
+            ["navigate to", "grasp", "put ... on", "bring ... to", "open", "close", "find", "explore"].join(", ");
         return Err(Unparsed::UnknownVerb { found: first.clone(), known });
     };
     let verb = tokens[..length].join(" ");
     let rest = &tokens[length..];
     if action == Action::Explore && !rest.iter().any(|word| knowledge.find_exact(word).is_some()) {
-        return Ok(Command { action, target: String::new(), destination: None, region: None, back: false });
+        return Ok(Command {
+            action,
+            target: String::new(),
+            destination: None,
+            region: None,
+            part: None,
+            inside: None,
+            back: false,
+        });
     }
     // "take the cup to the kitchen" carries it.
     let carried = action == Action::Grasp && split_at_receiver(rest).1.is_some();
@@ -115,6 +136,14 @@ pub fn parse_command(text: &str, knowledge: &Knowledge) -> Result<Command, Unpar
         && destination.is_none()
         && (target.last().is_some_and(|last| last == "back") || verb == "return" || verb == "put back");
     let target = without_particles(target);
+    let (target, part) = match action {
+        Action::Open | Action::Close => split_part(target),
+        _ => (target, None),
+    };
+    let (target, inside, part) = match (action, split_container(target)) {
+        (Action::Grasp | Action::Bring, Some((target, whole, part))) => (target, Some(whole.join(" ")), Some(part)),
+        _ => (target, None, part),
+    };
     let target = if target.iter().all(|word| matches!(word.as_str(), "it" | "that" | "this" | "them" | "one")) {
         String::new()
     } else {
@@ -122,7 +151,7 @@ pub fn parse_command(text: &str, knowledge: &Knowledge) -> Result<Command, Unpar
     };
     let destination =
         destination.map(|words| words.join(" ")).filter(|words| !matches!(words.as_str(), "" | "me" | "us" | "here"));
-    let command = Command { action, target, destination, region, back };
+    let command = Command { action, target, destination, region, part, inside, back };
     match (action, command.target.is_empty(), &command.destination) {
         (Action::Place, _, None) if !back => Err(Unparsed::NoDestination { verb }),
         (Action::Place, true, _) | (Action::Bring, true, Some(_)) => Ok(command),

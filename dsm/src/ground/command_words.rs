@@ -44,6 +44,17 @@ pub(super) const VERBS: &[(&str, Action)] = &[
     ("lay", Action::Place),
     ("drop", Action::Place),
     ("move", Action::Place),
+    ("open", Action::Open),
+    ("open up", Action::Open),
+    ("pull open", Action::Open),
+    ("slide open", Action::Open),
+    ("pull out", Action::Open),
+    ("opening", Action::Open),
+    ("close", Action::Close),
+    ("shut", Action::Close),
+    ("push shut", Action::Close),
+    ("push in", Action::Close),
+    ("closing", Action::Close),
     ("find", Action::Find),
     ("look for", Action::Find),
     ("search for", Action::Find),
@@ -280,5 +291,6 @@ pub(super) const ENDINGS: &[&str] = &[
 /// Verbs that are nouns as well: where a bare noun phrase may stand, they are not taken for verbs.
 pub(super) const NOUNS_TOO: &[&str] = &[
     "stand", "head", "hand", "map", "rest", "position", "stop", "store", "park", "show", "run to", "pass", "spot",
-    "shift", "stack", "return", "leave", "reach", "survey", "deposit", "walk", "wait",
+    "shift", "stack", "return", "leave", "reach", "survey", "deposit", "walk", "wait", "open", "open up", "close",
+    "shut", "opening", "closing",
 ];

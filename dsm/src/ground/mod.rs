@@ -38,6 +38,7 @@ mod likeness;
 mod modifiers;
 mod noun;
 mod parse;
+mod part;
 mod query;
 mod referring;
 mod relate;
@@ -60,6 +61,7 @@ pub use answer::{Candidate, Grounding, GroundingStatus, ReferenceFrame};
 pub use command::{Action, Command, Unparsed, parse_command};
 pub use config::{GroundConfig, GroundConfigError};
 pub use grounder::{Grounder, Ranking};
+pub use part::{Part, PartKind, PartPlace};
 pub use query::{
     Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection, Viewpoint,
 };

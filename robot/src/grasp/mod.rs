@@ -5,6 +5,8 @@
 //!                                                        wrist camera's cloud ──refine──▶ GraspCandidate
 //! ```
 //!
+//! Handles are found by shape alone: [`find_front`] and [`find_handles`] on a fresh cloud.
+//!
 //! The tool frame lies midway between the finger pads: +z is the approach direction, +y the closing direction.
 //! Everything here is a function of its inputs.
 
@@ -14,6 +16,7 @@ mod cloud;
 mod config;
 mod contact;
 mod hand;
+mod handle;
 mod placement;
 mod refine;
 mod scene;
@@ -21,6 +24,7 @@ mod shape;
 
 pub use candidates::{Approach, GraspCandidate, GraspPlan, GraspScores, RejectReason, plan_grasps};
 pub use config::{GraspConfig, HandConfig};
+pub use handle::{Front, Handle, find_front, find_handles};
 pub use placement::{Placement, PlacementConfig, find_placements};
 pub use refine::{Refinement, refine_grasp};
 pub use scene::{ApproachFrom, GraspScene};

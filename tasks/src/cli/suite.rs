@@ -6,7 +6,7 @@ use super::scene::write_scene;
 use super::suite_done::{Fingerprint, Program, find_done, write_done};
 use super::suite_result::{Suite, SuiteEpisode};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
-use crate::episode_generator::{Disturb, write_episodes, write_sequences};
+use crate::episode_generator::{Disturb, KINDS, Kind, write_episodes, write_sequences};
 use crate::error::TaskError;
 use crate::failure_page::{FAILURE_FILE, crash_page};
 use crate::run::{RunSpec, Silent};
@@ -14,7 +14,7 @@ use crate::settings::Settings;
 use crate::summary::Stage;
 use dsm::knowledge::Knowledge;
 use dsm::store::write_atomically;
-use dsm_sim::scene::{HomeConfig, SceneModel, Semantics, generate_home};
+use dsm_sim::scene::{Furniture, HomeConfig, SceneModel, Semantics, generate_home};
 use dsm_sim::world::WorldError;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -51,6 +51,12 @@ pub struct SuiteArgs {
     /// Sequences of three commands in one sentence instead of single ones.
     #[arg(long, requires = "generate", conflicts_with = "disturb")]
     sequences: bool,
+    /// Furniture of the generated homes that opens as real furniture does: bar handles, weight, friction, things inside.
+    #[arg(long, requires = "generate")]
+    articulated: bool,
+    /// What the episodes are about, in turn; those that open things need `--articulated`.
+    #[arg(long, value_delimiter = ',', requires = "generate")]
+    kinds: Vec<Kind>,
     /// Episodes that run side by side; never changes a result.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     workers: u16,
@@ -121,13 +127,15 @@ fn generate(count: u32, folder: &Path, args: &SuiteArgs) -> Result<Vec<RunSpec>,
     let settings = Settings::resolve(&args.world, None, &|_| false)?;
     set_threads(settings.threads.value)?;
     let first = settings.seed.value;
+    let furniture = if args.articulated { Furniture::Articulated } else { Furniture::Plain };
+    let kinds = if args.kinds.is_empty() { &KINDS[..] } else { &args.kinds };
     let mut files: Vec<PathBuf> = Vec::new();
     let mut home = 0;
     while files.len() < count as usize {
         let seed = first.checked_add(home).ok_or_else(|| TaskError::Usage("--seed is too large".into()))?;
         home += 1;
         let rooms = FEWEST_ROOMS + (seed % 3) as u32;
-        let config = HomeConfig { seed, rooms, objects: rooms * OBJECTS_PER_ROOM, ..HomeConfig::default() };
+        let config = HomeConfig { seed, rooms, objects: rooms * OBJECTS_PER_ROOM, furniture };
         let scene = generate_home(&config).map_err(|error| TaskError::Internal(error.to_string()))?;
         let home_folder = folder.join("homes").join(&scene.name);
         write_scene(&scene, &home_folder, true)?;
@@ -140,7 +148,7 @@ fn generate(count: u32, folder: &Path, args: &SuiteArgs) -> Result<Vec<RunSpec>,
             .map_err(|source| TaskError::Read { path: episodes_folder.clone(), source })?;
         let episodes = match args.sequences {
             true => write_sequences(&model, &semantics, &knowledge, seed, left),
-            false => write_episodes(&model, &semantics, &knowledge, seed, left, args.disturb),
+            false => write_episodes(&model, &semantics, &knowledge, seed, left, (kinds, args.disturb)),
         };
         for episode in episodes {
             let path = episodes_folder.join(format!("{}.toml", episode.name));

@@ -5,6 +5,7 @@
 
 mod disturb;
 mod home;
+mod open;
 mod reach;
 mod sequence;
 mod words;
@@ -15,9 +16,11 @@ use dsm::knowledge::Knowledge;
 use dsm_sim::disturb::DisturbanceKind;
 use dsm_sim::scene::{SceneModel, Semantics};
 use home::{Home, HomeObject};
+use open::{find_fetching, find_opening, find_parts};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use reach::Stands;
 pub use sequence::write_sequences;
 use std::fmt::Write;
 use words::find_names;
@@ -27,6 +30,8 @@ use words::find_names;
 const TIME_LIMIT_S: f64 = 480.0;
 /// The same when a thing is to be carried to another place.
 const CARRY_LIMIT_S: f64 = 600.0;
+/// The same when furniture is to be opened.
+const OPEN_LIMIT_S: f64 = 600.0;
 /// The same when the home is explored first: all of it, and time for the way after that.
 const EXPLORED_LIMIT_S: f64 = 900.0;
 /// How often a thing with at least two others of its class is chosen before one without.
@@ -35,19 +40,30 @@ const DISTRACTED_SHARE: f64 = 0.6;
 const MOST_ON_SURFACE: usize = 3;
 
 /// What an episode is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub enum Kind {
+    /// Drive to a piece of furniture.
     Navigate,
+    /// Drive to a room.
     Room,
+    /// Lift a thing.
     Grasp,
+    /// Put a thing somewhere else.
     Place,
+    /// Open a drawer; only in homes whose furniture is made to be opened.
+    OpenDrawer,
+    /// Open a hinged door of a piece of furniture; in such homes only.
+    OpenDoor,
+    /// Take a thing out of a closed drawer; in such homes only.
+    FetchInside,
 }
 
 /// Homes take turns in which disturbances they get; so many homes differ.
 const TURNS: usize = DisturbanceKind::ALL.len();
 
-/// The kinds of a home's episodes, in turn.
-const KINDS: [Kind; 8] =
+/// The kinds of a home's episodes, in turn, unless others are asked for.
+pub const KINDS: [Kind; 8] =
     [Kind::Grasp, Kind::Navigate, Kind::Place, Kind::Grasp, Kind::Room, Kind::Grasp, Kind::Place, Kind::Navigate];
 
 /// An episode file.
@@ -60,34 +76,40 @@ pub struct GeneratedEpisode {
 }
 
 /// Writes up to `count` episodes for a home whose scene lies one folder above the episode files; fewer when the home
-/// does not hold enough that words can tell apart. With `disturb` something happens in each of them. The same arguments
-/// give the same texts.
+/// does not hold enough that words can tell apart. They are of these `kinds` in turn, and with `disturb` something happens
+/// in each of them. The same arguments give the same texts.
 pub fn write_episodes(
     model: &SceneModel,
     semantics: &Semantics,
     knowledge: &Knowledge,
     seed: u64,
     count: usize,
-    disturb: Option<Disturb>,
+    (kinds, disturb): (&[Kind], Option<Disturb>),
 ) -> Vec<GeneratedEpisode> {
     // What can be asked for is the furniture with its doors closed.
-    let model = &model.with_joints_held();
-    let mut home = Home::read(model, semantics);
-    reach::drop_out_of_reach(&mut home, model, semantics);
+    let held = &model.with_joints_held();
+    let mut home = Home::read(held, semantics);
+    let stands = Stands::find(held, semantics);
+    stands.drop_out_of_reach(&mut home);
+    let parts = find_parts(&home, model);
+    // What lies behind a closed front is asked for as such alone.
+    for thing in parts.iter().flat_map(|part| &part.contents) {
+        home.objects[*thing].graspable = false;
+    }
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x6570_6973_6f64_6573);
     let mut used: Vec<String> = Vec::new();
     let mut episodes = Vec::new();
     // Every other drive is to be made on a finished map, and a home has one with each when it has two.
     let mut explored = seed % 2 == 1;
     // A kind that a home cannot offer is skipped; a second round makes up for it with the others.
-    let rounds = count / KINDS.len() + if disturb.is_some() { 2 * (count + 1) } else { 2 };
+    let rounds = count / kinds.len().max(1) + if disturb.is_some() { 2 * (count + 1) } else { 2 };
     // A disturbance that no task of a whole round suits gives its turn to the next.
     let (mut turn, mut misses) = (seed as usize % TURNS * count, 0);
-    for kind in KINDS.iter().cycle().take(KINDS.len() * rounds) {
+    for kind in kinds.iter().cycle().take(kinds.len() * rounds) {
         if episodes.len() == count {
             break;
         }
-        if misses == KINDS.len() {
+        if misses == kinds.len() {
             (turn, misses) = (turn + 1, 0);
         }
         misses += 1;
@@ -95,7 +117,13 @@ pub fn write_episodes(
         if disturbance.is_some_and(|disturbance| !disturb::fits(disturbance, *kind)) {
             continue;
         }
-        let Some(mut task) = find_task(*kind, disturbance, &home, knowledge, &mut used, &mut rng) else { continue };
+        let task = match kind {
+            Kind::OpenDrawer => find_opening(true, &home, &parts, &stands, knowledge, &mut used, &mut rng),
+            Kind::OpenDoor => find_opening(false, &home, &parts, &stands, knowledge, &mut used, &mut rng),
+            Kind::FetchInside => find_fetching(&home, &parts, &stands, knowledge, &mut used, &mut rng),
+            kind => find_task(*kind, disturbance, &home, knowledge, &mut used, &mut rng),
+        };
+        let Some(mut task) = task else { continue };
         if let Some(disturbance) = disturbance
             && !task.disturb(disturbance, *kind, &home, seed, episodes.len())
         {
@@ -155,6 +183,7 @@ fn find_task(
     rng: &mut ChaCha8Rng,
 ) -> Option<Task> {
     match kind {
+        Kind::OpenDrawer | Kind::OpenDoor | Kind::FetchInside => None,
         Kind::Room => {
             let rooms: Vec<&String> = home.rooms.iter().filter(|room| !used.contains(room)).collect();
             let room = (*rooms.get(rng.random_range(0..rooms.len().max(1)))?).clone();

@@ -2,7 +2,8 @@
 //! of each part can be held against the truth.
 
 use super::home::Home;
-use super::{GeneratedEpisode, Kind, Task, find_task, reach};
+use super::reach::Stands;
+use super::{GeneratedEpisode, Kind, Task, find_task};
 use crate::episode::EPISODE_VERSION;
 use dsm::knowledge::Knowledge;
 use dsm_sim::scene::{SceneModel, Semantics};
@@ -25,7 +26,7 @@ pub fn write_sequences(
     // What can be asked for is the furniture with its doors closed.
     let model = &model.with_joints_held();
     let mut home = Home::read(model, semantics);
-    reach::drop_out_of_reach(&mut home, model, semantics);
+    Stands::find(model, semantics).drop_out_of_reach(&mut home);
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7365_7175_656e_6365);
     let mut used = Vec::new();
     let mut episodes = Vec::new();

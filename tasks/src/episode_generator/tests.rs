@@ -2,12 +2,16 @@
 use super::*;
 use crate::episode::{Episode, ExpectationKind, SkillName};
 use dsm::ground::{parse_command, split_sequence};
-use dsm_sim::scene::{HomeConfig, generate_home};
+use dsm_sim::scene::{Furniture, HomeConfig, generate_home};
 use std::path::Path;
 
 fn load_home(seed: u64) -> (tempfile::TempDir, SceneModel, Semantics) {
+    load_home_with(seed, Furniture::Plain)
+}
+
+fn load_home_with(seed: u64, furniture: Furniture) -> (tempfile::TempDir, SceneModel, Semantics) {
     let folder = tempfile::tempdir().unwrap();
-    let scene = generate_home(&HomeConfig { seed, rooms: 5, objects: 90, ..HomeConfig::default() }).unwrap();
+    let scene = generate_home(&HomeConfig { seed, rooms: 5, objects: 90, furniture }).unwrap();
     for (name, bytes) in &scene.files {
         let path = folder.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -26,9 +30,13 @@ fn episodes_are_valid_and_name_what_is_there() {
     let (mut drives, mut explored) = (0, 0);
     for seed in 20..26 {
         let (folder, model, semantics) = load_home(seed);
-        let episodes = write_episodes(&model, &semantics, &knowledge, seed, 8, None);
+        let episodes = write_episodes(&model, &semantics, &knowledge, seed, 8, (&KINDS, None));
         assert_eq!(episodes.len(), 8, "home {seed}");
-        assert_eq!(episodes, write_episodes(&model, &semantics, &knowledge, seed, 8, None), "the same texts again");
+        assert_eq!(
+            episodes,
+            write_episodes(&model, &semantics, &knowledge, seed, 8, (&KINDS, None)),
+            "the same texts again"
+        );
         let home = Home::read(&model, &semantics);
         let mut commands = Vec::new();
         for generated in &episodes {
@@ -133,7 +141,7 @@ fn nobody_is_asked_for_what_no_place_is_near_enough_to() {
     let graspable = |half_m: f64| {
         let (model, semantics) = tiny(half_m);
         let mut home = Home::read(&model, &semantics);
-        reach::drop_out_of_reach(&mut home, &model, &semantics);
+        Stands::find(&model, &semantics).drop_out_of_reach(&mut home);
         home.objects.iter().map(|object| object.graspable).collect::<Vec<_>>()
     };
     assert_eq!(graspable(0.5), [false, false, true, true, true]);
@@ -147,8 +155,8 @@ fn disturbed_episodes_are_valid_and_suit_what_happens() {
     let mut kinds = Vec::new();
     for seed in 20..26 {
         let (folder, model, semantics) = load_home(seed);
-        let episodes = write_episodes(&model, &semantics, &knowledge, seed, 4, Some(Disturb::InTurn));
-        assert_eq!(episodes, write_episodes(&model, &semantics, &knowledge, seed, 4, Some(Disturb::InTurn)));
+        let episodes = write_episodes(&model, &semantics, &knowledge, seed, 4, (&KINDS, Some(Disturb::InTurn)));
+        assert_eq!(episodes, write_episodes(&model, &semantics, &knowledge, seed, 4, (&KINDS, Some(Disturb::InTurn))));
         let home = Home::read(&model, &semantics);
         for generated in &episodes {
             let path = folder.path().join(format!("{}.toml", generated.name));
@@ -188,4 +196,31 @@ fn sequences_are_three_commands_with_an_expectation_each() {
             assert_eq!((parts.len(), episode.expectations.len()), (3, 3), "{}", generated.text);
         }
     }
+}
+
+#[test]
+fn drawers_that_can_be_come_to_are_called_by_what_tells_them_apart() {
+    let knowledge = Knowledge::embedded().unwrap();
+    let mut commands = Vec::new();
+    for seed in 20..23 {
+        let (folder, model, semantics) = load_home_with(seed, Furniture::Articulated);
+        for generated in write_episodes(&model, &semantics, &knowledge, seed, 4, (&[Kind::OpenDrawer], None)) {
+            let path = folder.path().join(format!("{}.toml", generated.name));
+            std::fs::write(&path, &generated.text).unwrap();
+            let episode = Episode::load(&path).unwrap_or_else(|error| panic!("{error}\n{}", generated.text));
+            let expect = &episode.expectations[0];
+            assert_eq!(expect.kind, ExpectationKind::JointOpen);
+            let joint = model.joints.iter().find(|joint| Some(&model.bodies[joint.part].name) == expect.part.as_ref());
+            let joint = joint.unwrap_or_else(|| panic!("{expect:?} is not in the scene"));
+            assert_eq!(Some(&model.bodies[joint.carrier].name), expect.object.as_ref());
+            let command = episode.steps[0].command.clone().unwrap();
+            let parsed = parse_command(&command, &knowledge).unwrap_or_else(|error| panic!("{command}: {error}"));
+            assert!(parsed.part.is_some() && !parsed.target.contains("drawer of"), "{command}: {parsed:?}");
+            commands.push((seed, command));
+        }
+    }
+    assert!(commands.len() >= 4, "{commands:?}");
+    let mut unique = commands.clone();
+    unique.dedup();
+    assert_eq!(unique, commands);
 }

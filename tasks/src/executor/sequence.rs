@@ -154,7 +154,7 @@ fn index_of_last(parts: &[PartSummary]) -> usize {
 fn hand_for(command: &Command) -> Hand {
     match command.action {
         Action::Place | Action::Bring if command.target.is_empty() => Hand::Full,
-        Action::Place | Action::Bring | Action::Grasp => Hand::Empty,
+        Action::Place | Action::Bring | Action::Grasp | Action::Open | Action::Close => Hand::Empty,
         Action::Navigate | Action::Find | Action::Explore => Hand::Any,
     }
 }

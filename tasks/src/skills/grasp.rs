@@ -97,13 +97,37 @@ struct Reach {
 
 /// Drives to an object and lifts it.
 pub fn grasp(agent: &mut Agent, nav: &NavConfig, settings: &GraspSettings, id: ObjectId) -> Result<Outcome, Halt> {
+    match Target::of(agent.map(), id) {
+        Some(target) => grasp_target(agent, nav, settings, &target),
+        None => Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0))),
+    }
+}
+
+/// As [`grasp`], for an object that stands on something at `support_z_m` which hides its foot.
+pub fn grasp_standing_on(
+    agent: &mut Agent,
+    nav: &NavConfig,
+    settings: &GraspSettings,
+    id: ObjectId,
+    support_z_m: f64,
+) -> Result<Outcome, Halt> {
+    match Target::standing_on(agent.map(), id, support_z_m) {
+        Some(target) => grasp_target(agent, nav, settings, &target),
+        None => Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0))),
+    }
+}
+
+fn grasp_target(
+    agent: &mut Agent,
+    nav: &NavConfig,
+    settings: &GraspSettings,
+    target: &Target,
+) -> Result<Outcome, Halt> {
+    let id = target.id();
     let mut last = (Stage::Planning, "no attempt was made".to_owned());
-    let Some(target) = Target::of(agent.map(), id) else {
-        return Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0)));
-    };
     let mut slipped_z_m = Vec::new();
     for attempt in 0..settings.max_attempts {
-        let result = try_grasp(agent, nav, settings, &target, attempt, &mut slipped_z_m)?;
+        let result = try_grasp(agent, nav, settings, target, attempt, &mut slipped_z_m)?;
         let now_s = agent.now().as_s();
         match result {
             Ok(reason) => return Ok(Outcome::Done(reason)),

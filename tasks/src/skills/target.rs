@@ -3,8 +3,8 @@
 //! From one place a detector repeats its mistakes: a mask that takes a bottle and its shelf for one thing does so in every
 //! frame, and fusion believes it in the end. Until the hand holds the object, the last sound view of it counts.
 
-use dsm::map::{Map, MapChange, MapObject, MapUpdate, ObjectId};
-use nalgebra::Vector3;
+use dsm::map::{Map, MapChange, MapObject, MapPoint, MapUpdate, ObjectId};
+use nalgebra::{Point3, Vector3};
 use std::sync::Arc;
 
 /// An object that became wider by this factor and this length grew together with something else; metres.
@@ -16,12 +16,40 @@ const OWN_M: f64 = 0.02;
 #[derive(Clone, Debug)]
 pub(super) struct Target {
     object: MapObject,
+    /// More is known of it than the map tells.
+    known_better: bool,
 }
 
 impl Target {
     /// The object as the map knows it now.
     pub(super) fn of(map: &Map, id: ObjectId) -> Option<Self> {
-        Some(Self { object: map.find_object(id)?.clone() })
+        Some(Self { object: map.find_object(id)?.clone(), known_better: false })
+    }
+
+    /// The object standing on something at `support_z_m`, of which only the upper side is seen: its sides go straight down.
+    /// That is how things lie in drawers, whose front hides their foot.
+    pub(super) fn standing_on(map: &Map, id: ObjectId, support_z_m: f64) -> Option<Self> {
+        /// Points of the sides are so far apart, metres.
+        const STEP_M: f64 = 0.006;
+        let mut object = map.find_object(id)?.clone();
+        let low_m = object.bounds.center.z - 0.5 * object.bounds.size.z;
+        let top_m = object.bounds.top_m();
+        if low_m > support_z_m && top_m > support_z_m {
+            let rim = object.bounds.footprint();
+            let levels = ((low_m - support_z_m) / STEP_M).ceil() as i32;
+            let color = object.points.first().map_or([0; 3], |point| point.color);
+            for (from, to) in rim.iter().zip(rim.iter().cycle().skip(1)) {
+                let steps = ((to - from).norm() / STEP_M).ceil().max(1.0) as i32;
+                for (step, level) in (0..steps).flat_map(|step| (0..=levels).map(move |level| (step, level))) {
+                    let at = from + (to - from) * (f64::from(step) / f64::from(steps));
+                    let z = support_z_m + (low_m - support_z_m) * f64::from(level) / f64::from(levels.max(1));
+                    object.points.push(MapPoint { position: Point3::new(at.x, at.y, z).cast(), color });
+                }
+            }
+            object.bounds.center.z = 0.5 * (top_m + support_z_m);
+            object.bounds.size.z = top_m - support_z_m;
+        }
+        Some(Self { object, known_better: true })
     }
 
     /// Its id.
@@ -32,13 +60,13 @@ impl Target {
     /// The map with the object in it: as the map has it, or as it was when it has left the map or grown together with
     /// something.
     pub(super) fn in_map(&self, map: &Arc<Map>) -> Arc<Map> {
-        if map.find_object(self.id()).is_some_and(|now| !self.is_spoilt(now)) {
+        if !self.known_better && map.find_object(self.id()).is_some_and(|now| !self.is_spoilt(now)) {
             return map.clone();
         }
         let bounds = &self.object.bounds;
         let near = bounds.aabb().grown(OWN_M);
         // What carries it ends below it.
-        let is_own = |p: &nalgebra::Point3<f64>| bounds.contains(p, OWN_M) && p.z > near.min.z + 2.0 * OWN_M;
+        let is_own = |p: &Point3<f64>| bounds.contains(p, OWN_M) && p.z > near.min.z + 2.0 * OWN_M;
         let mut changes: Vec<MapChange> = vec![MapChange::Put(Box::new(self.object.clone()))];
         for other in map.objects.values().filter(|other| other.id != self.id()) {
             if other.points.iter().any(|p| is_own(&p.position.cast())) {
@@ -65,9 +93,9 @@ pub(super) mod tests {
     //! the map, is as it was, and its points are nobody else's.
     use super::*;
     use dsm::geometry::OrientedBox;
-    use dsm::map::{Attributes, MapPoint, ObjectState, Votes};
+    use dsm::map::{Attributes, ObjectState, Votes};
     use dsm::time::Stamp;
-    use nalgebra::{Point3, UnitQuaternion};
+    use nalgebra::UnitQuaternion;
 
     pub(in crate::skills) fn object(id: u64, center: [f64; 3], size: [f64; 3], points: &[[f32; 3]]) -> MapObject {
         MapObject {
@@ -96,6 +124,19 @@ pub(super) mod tests {
         let changes = objects.into_iter().map(|o| MapChange::Put(Box::new(o))).collect();
         map.apply(MapUpdate { stamp: Stamp::default(), changes });
         Arc::new(map)
+    }
+
+    #[test]
+    fn what_stands_in_a_drawer_reaches_down_to_its_floor() {
+        let seen = object(1, [1.0, 2.0, 0.35], [0.06, 0.06, 0.01], &[[1.0, 2.0, 0.355]]);
+        let map = map_of(vec![seen.clone()]);
+        let target = Target::standing_on(&map, ObjectId(1), 0.29).unwrap();
+        let known = target.in_map(&map);
+        let known = known.find_object(ObjectId(1)).unwrap();
+        assert!((known.bounds.size.z - 0.065).abs() < 1e-9 && (known.bounds.top_m() - 0.355).abs() < 1e-9);
+        assert!(known.points.len() > 100 && known.points.iter().all(|p| p.position.z > 0.289));
+        let whole = Target::standing_on(&map, ObjectId(1), 0.4).unwrap();
+        assert_eq!(whole.in_map(&map).find_object(ObjectId(1)), Some(&seen), "it reaches down already");
     }
 
     #[test]

@@ -1,0 +1,130 @@
+//! Looking into what was opened: from right before it, down into it, until the map knows what lies there.
+
+use super::drive::{Drive, DriveOutcome};
+use super::fronts::gather;
+use super::pull::creep;
+use crate::agent::{Agent, Gaze, Halt};
+use dsm::ground::{Grounder, Grounding, GroundingStatus};
+use dsm::map::Map;
+use dsm::time::Span;
+use dsm_robot::grasp::Handle;
+use dsm_robot::nav::{NavConfig, Pose2};
+use nalgebra::{Point3, Vector3};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Distance of the base from an open drawer's handle from which the head sees over its front, metres: the footprint, and
+/// what localisation is off.
+const NEAR_M: f64 = 0.36;
+/// From so far the base creeps near, metres: outside of what a costmap leaves around obstacles.
+const FROM_M: f64 = 0.75;
+/// Room above and below the handle's height in which contents lie, metres.
+const RISE_M: (f64, f64) = (-0.16, 0.14);
+/// How far beyond the closed front, and from the sides, contents may seem to lie, metres.
+const OFF_M: f64 = 0.06;
+
+/// A drawer that stands open. World frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpenDrawer {
+    /// Its handle where it was when the drawer was closed.
+    pub handle: Handle,
+    /// How far it came out, metres.
+    pub out_m: f64,
+    /// Half of its width at most, metres.
+    pub half_m: f64,
+}
+
+impl OpenDrawer {
+    /// Whether a point lies where an open drawer shows its contents.
+    fn shows(&self, point: &Point3<f64>) -> bool {
+        let off = point - self.handle.center;
+        let out_m = off.dot(&self.handle.normal) + self.handle.off_m;
+        let aside_m = off.dot(&Vector3::z().cross(&self.handle.normal)).abs();
+        let rise_m = off.z;
+        out_m > -OFF_M && out_m < self.out_m && aside_m < self.half_m && rise_m > RISE_M.0 && rise_m < RISE_M.1
+    }
+
+    /// Drives right before it and looks down into it.
+    ///
+    /// The height of its floor, as far as it is seen; `None` when there is no way there.
+    pub fn look(&self, agent: &mut Agent, nav: &NavConfig) -> Result<Option<f64>, Halt> {
+        const LOOK: Span = Span(3_000_000_000);
+        const FRAMES: usize = 5;
+        /// Floors lie about so far below handles, metres.
+        const FLOOR_M: f64 = -0.08;
+        let normal = self.handle.normal.xy();
+        let yaw_rad = (-normal.y).atan2(-normal.x);
+        let front = self.handle.center + self.handle.normal * self.out_m;
+        let position = front.xy() + normal * FROM_M;
+        agent.gaze = Gaze::AHEAD;
+        if Drive::to_pose(nav, Pose2 { position, yaw_rad }).run(agent)? != DriveOutcome::Arrived {
+            return Ok(None);
+        }
+        let middle = self.handle.center + self.handle.normal * (0.5 * self.out_m - self.handle.off_m);
+        agent.gaze = Gaze::Point(middle);
+        let base = agent.world_from_base()?;
+        let left_m = (base.inverse() * front).x - NEAR_M;
+        creep(agent, left_m.clamp(0.0, FROM_M), 0.1)?;
+        agent.rest(LOOK)?;
+        let base_from_points = gather(agent, "head", FRAMES)?;
+        let world_from_base = agent.world_from_base()?;
+        let inside = base_from_points.iter().map(|p| world_from_base * p).filter(|p| self.shows(p));
+        let floor_m = floor_of(inside).unwrap_or(self.handle.center.z + FLOOR_M);
+        agent.note(format!("looks into the drawer, whose floor is {floor_m:.3} m high"));
+        Ok(Some(floor_m))
+    }
+
+    /// What the words mean among what lies there; of several that fit the best.
+    pub fn find(&self, agent: &Agent, grounder: &Grounder, words: &str) -> Option<Grounding> {
+        let mut there = Map::clone(agent.map());
+        there.objects.retain(|_, object| self.shows(&object.bounds.center));
+        let grounding = grounder.ground(&there, words, None);
+        let is_there = matches!(grounding.status, GroundingStatus::Found | GroundingStatus::Ambiguous);
+        let grounding = Grounding { status: GroundingStatus::Found, ..grounding };
+        Some(grounding).filter(|grounding| is_there && grounding.object_id.is_some())
+    }
+}
+
+/// The level at which points cover most, metres; `None` for hardly any.
+fn floor_of(points: impl Iterator<Item = Point3<f64>>) -> Option<f64> {
+    const CELL_M: f64 = 0.01;
+    const BIN_M: f64 = 0.005;
+    const LEAST: usize = 40;
+    let mut bins: BTreeMap<i32, BTreeSet<[i32; 2]>> = BTreeMap::new();
+    for p in points {
+        let cell = [p.x, p.y].map(|at| (at / CELL_M).floor() as i32);
+        bins.entry((p.z / BIN_M).floor() as i32).or_default().insert(cell);
+    }
+    let covered = |bin: i32| (bin - 1..=bin + 1).filter_map(|b| bins.get(&b)).map(BTreeSet::len).sum::<usize>();
+    let (bin, count) = bins.keys().map(|bin| (*bin, covered(*bin))).max_by_key(|(bin, count)| (*count, -bin))?;
+    (count >= LEAST).then(|| (f64::from(bin) + 0.5) * BIN_M)
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: contents lie between the closed front and where the drawer came to, at its height.
+    use super::*;
+
+    #[test]
+    fn contents_lie_within_the_way_of_the_drawer() {
+        let handle = Handle {
+            center: Point3::new(1.0, 0.0, 0.6),
+            along: Vector3::y(),
+            length_m: 0.12,
+            thick_m: 0.015,
+            off_m: 0.04,
+            normal: -Vector3::x(),
+        };
+        let drawer = OpenDrawer { handle, out_m: 0.3, half_m: 0.4 };
+        let floor =
+            (0..20).flat_map(|i| (0..20).map(move |k| Point3::new(0.01 * f64::from(i), 0.01 * f64::from(k), 0.5)));
+        let front = (0..20)
+            .flat_map(|i| (0..20).map(move |k| Point3::new(0.0, 0.01 * f64::from(k), 0.5 + 0.01 * f64::from(i))));
+        assert!(floor_of(floor.chain(front)).is_some_and(|z| (z - 0.5).abs() < 0.006));
+        assert_eq!(floor_of(std::iter::once(Point3::origin())), None);
+        assert!(drawer.shows(&Point3::new(0.9, 0.2, 0.56)));
+        assert!(!drawer.shows(&Point3::new(1.3, 0.2, 0.56)), "still in the furniture");
+        assert!(!drawer.shows(&Point3::new(0.9, 0.2, 0.85)), "on top");
+        assert!(!drawer.shows(&Point3::new(0.9, 0.5, 0.56)), "beside it");
+        assert!(!drawer.shows(&Point3::new(0.6, 0.0, 0.56)), "before it");
+    }
+}
