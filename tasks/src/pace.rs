@@ -8,7 +8,7 @@
 //! where things are, there are things that it does not hold: whatever is hit near them is hit slowly. All velocities are
 //! scaled alike, so that a way stays the way that was planned.
 
-use crate::skills::obstacles::find_obstacles;
+use crate::skills::obstacles::{find_obstacles, leave_out_held};
 use dsm::Pose;
 use dsm::geometry::OrientedBox;
 use dsm::map::Map;
@@ -94,13 +94,7 @@ impl Pace {
         if self.asked.as_ref().is_none_or(|(at, _, _)| now - *at >= ASKED_EVERY) {
             let mut obstacles = find_obstacles(map, Some(live), world_from_base, None);
             let tool = model.kinematics.root_from_link(configuration, model.tool);
-            // What the map still takes for a thing is in the hand.
-            obstacles.retain(|obstacle| match obstacle {
-                Obstacle::Ball { center_in_base, .. } => {
-                    !held.is_some_and(|held| held.contains(&tool.inverse_transform_point(center_in_base), 0.03))
-                }
-                Obstacle::Box { .. } | Obstacle::Hull { .. } => true,
-            });
+            leave_out_held(&mut obstacles, *held, &tool);
             self.asked = Some((now, **world_from_base, obstacles));
         }
         let Some((_, world_from_then, obstacles)) = &self.asked else { return };

@@ -4,7 +4,7 @@ use super::Outcome;
 use super::arm::{ArmOutcome, move_joints_around, move_through};
 use super::carry::find_carry;
 use super::grasp::GraspSettings;
-use super::obstacles::{find_obstacles, leave_out_overlaps};
+use super::obstacles::{find_obstacles, leave_out_held, leave_out_overlaps};
 use super::place::stands_around;
 use super::retreat::back_off;
 use super::spots::Load;
@@ -209,14 +209,8 @@ pub(super) fn obstacles_but_held(
     let model = agent.model().clone();
     let configuration = agent.configuration()?;
     let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
-    let hold = agent.held().copied();
     let mut obstacles = find_obstacles(agent.map(), Some(&agent.live), world_from_base, Some(held.id));
-    obstacles.retain(|obstacle| match obstacle {
-        Obstacle::Ball { center_in_base, .. } => {
-            !hold.is_some_and(|b| b.contains(&base_from_tool.inverse_transform_point(center_in_base), 0.03))
-        }
-        Obstacle::Box { .. } | Obstacle::Hull { .. } => true,
-    });
+    leave_out_held(&mut obstacles, agent.held(), &base_from_tool);
     Ok(obstacles)
 }
 

@@ -67,6 +67,19 @@ pub fn find_obstacles(
     obstacles
 }
 
+/// Leaves out what the map or the cameras still take for a thing and is in the hand: points within what the hand holds, in
+/// the tool frame, or next to it.
+pub fn leave_out_held(obstacles: &mut Vec<Obstacle>, held: Option<&OrientedBox>, base_from_tool: &Pose) {
+    const NEXT_M: f64 = 0.03;
+    let Some(held) = held else { return };
+    obstacles.retain(|obstacle| match obstacle {
+        Obstacle::Ball { center_in_base, .. } => {
+            !held.contains(&base_from_tool.inverse_transform_point(center_in_base), NEXT_M)
+        }
+        Obstacle::Box { .. } | Obstacle::Hull { .. } => true,
+    });
+}
+
 /// Leaves out what overlaps the arm where it is: surfaces are known to a voxel, and what the arm stands in is not there. What
 /// is next to it stays, so that it goes no deeper.
 pub(super) fn leave_out_overlaps(model: &RobotModel, configuration: &Configuration, obstacles: &mut Vec<Obstacle>) {
