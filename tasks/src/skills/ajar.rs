@@ -116,51 +116,64 @@ fn is_of(p: &Point3<f64>, plane: &Front) -> bool {
     plane.off_m(p).abs() < PLANE_M && within(right_m, plane.right_m) && within(p.z, plane.height_m)
 }
 
-/// How deep the closed front lies along a normal: by the front edge of the top, or else by the rearmost plane.
+/// How deep the closed front lies along a normal: by the front edge of the top, as far as no front reaches up to it, and the
+/// front that is nearest to that; else by the rearmost plane.
 fn closed_depth_m(points: &[Point3<f64>], planes: &[Front], normal: &Vector3<f64>, top_m: f64) -> Option<f64> {
     /// The top is seen when so many points are of it.
     const LEAST_POINTS: usize = 150;
     const LEVEL_M: f64 = 0.025;
     const EDGE: f64 = 0.97;
-    let mut top: Vec<f64> =
-        points.iter().filter(|p| (p.z - top_m).abs() < LEVEL_M).map(|p| p.coords.dot(normal)).collect();
+    /// A front has its upper edge in the top's height and is so thick, metres.
+    const THICK_M: f64 = 0.03;
+    /// Closed fronts lie so far behind and before the edge at most, metres.
+    const ABOUT_M: (f64, f64) = (0.03, 0.06);
+    let is_edge = |p: &Point3<f64>| planes.iter().any(|plane| (-THICK_M..THICK_M).contains(&plane.off_m(p)));
+    let top = points.iter().filter(|p| (p.z - top_m).abs() < LEVEL_M && !is_edge(p));
+    let mut top: Vec<f64> = top.map(|p| p.coords.dot(normal)).collect();
     top.sort_by(f64::total_cmp);
+    let depth_m = |plane: &Front| plane.point.coords.dot(normal);
     if top.len() >= LEAST_POINTS {
-        return top.get((EDGE * top.len() as f64) as usize).copied();
+        let edge_m = *top.get((EDGE * top.len() as f64) as usize)?;
+        let near = planes.iter().map(depth_m).filter(|at_m| (-ABOUT_M.0..ABOUT_M.1).contains(&(at_m - edge_m)));
+        return Some(near.min_by(|a, b| (a - edge_m).abs().total_cmp(&(b - edge_m).abs())).unwrap_or(edge_m));
     }
-    planes.iter().map(|plane| plane.point.coords.dot(normal)).min_by(f64::total_cmp)
+    planes.iter().map(depth_m).min_by(f64::total_cmp)
 }
 
 fn read_drawers(points: &[Point3<f64>], planes: &[Front], top_m: f64, part: Part) -> Stand {
     let Some(normal) = planes.first().map(|plane| plane.normal) else { return Stand::Unseen };
     let Some(closed_m) = closed_depth_m(points, planes, &normal, top_m) else { return Stand::Unseen };
-    let out_m = |at: &Point3<f64>| at.coords.dot(&normal) - closed_m;
-    let mut handles: Vec<(Handle, Front)> = Vec::new();
+    let out_m = |bar: &Handle| bar.center.coords.dot(&normal) - bar.off_m - closed_m;
+    let mut bars: Vec<Handle> = Vec::new();
     for plane in planes {
-        let bars = find_handles(points, plane).into_iter().filter(|bar| !bar.is_upright());
-        let new = bars.filter(|bar| handles.iter().all(|(known, _)| (known.center - bar.center).norm() > 0.05));
-        let new: Vec<_> = new.map(|bar| (bar, *plane)).collect();
-        handles.extend(new);
+        let found = find_handles(points, plane).into_iter().filter(|bar| !bar.is_upright());
+        let is_new = |bar: &Handle, bars: &[Handle]| bars.iter().all(|known| (known.center - bar.center).norm() > 0.05);
+        let mut new: Vec<Handle> = found.filter(|bar| is_new(bar, &bars)).collect();
+        // A front that stands out is one, whether its handle is seen or not: it is pushed at its middle.
+        if new.is_empty() && plane.point.coords.dot(&normal) - closed_m > CLOSED_M {
+            let (along, off_m) = (plane.right(), 0.0);
+            let bar = Handle { center: plane.point, along, length_m: 0.1, thick_m: 0.0, off_m, normal: plane.normal };
+            // A piece of a front whose handle was found is no other one.
+            let beside = bars.iter().any(|known| (known.center.z - bar.center.z).abs() < 0.1);
+            new.extend((!beside).then_some(bar));
+        }
+        bars.extend(new);
     }
-    handles.sort_by(|a, b| b.0.center.z.total_cmp(&a.0.center.z));
-    let ajar = |at: Point3<f64>, way_m: f64| Stand::Open(Ajar { kind: PartKind::Drawer, at, way: -normal, way_m });
-    let bars: Vec<Handle> = handles.iter().map(|(bar, _)| *bar).collect();
+    bars.sort_by(|a, b| b.center.z.total_cmp(&a.center.z));
+    let told: Vec<String> =
+        bars.iter().map(|bar| format!("{:.2} m high out by {:.3}", bar.center.z, out_m(bar))).collect();
+    tracing::debug!("{} planes; handles: {}", planes.len(), told.join(", "));
+    let open: Vec<Handle> = bars.iter().filter(|bar| out_m(bar) > CLOSED_M).copied().collect();
     // Words that say no place mean the one that stands open.
-    let open = handles.iter().filter(|(_, plane)| out_m(&plane.point) > CLOSED_M).map(|(bar, _)| *bar);
-    let open: Vec<Handle> = open.collect();
     let named = choose_handle(&bars, part).filter(|_| part.place.is_some());
-    let farthest = open.iter().max_by(|a, b| out_m(&a.center).total_cmp(&out_m(&b.center))).copied();
-    if let Some(bar) = named.filter(|bar| open.contains(bar)).or(farthest.filter(|_| named.is_none())) {
-        return ajar(bar.center + bar.normal * (0.5 * bar.thick_m), out_m(&bar.center) - bar.off_m);
-    }
-    if !bars.is_empty() {
-        return Stand::Closed;
-    }
-    // A front whose handle is not seen is pushed at its middle.
-    let out = planes.iter().max_by(|a, b| out_m(&a.point).total_cmp(&out_m(&b.point)));
-    match out.filter(|plane| out_m(&plane.point) > CLOSED_M) {
-        Some(plane) => ajar(plane.point, out_m(&plane.point)),
-        None => Stand::Unseen,
+    let farthest = open.iter().max_by(|a, b| out_m(a).total_cmp(&out_m(b))).copied();
+    match named.filter(|bar| open.contains(bar)).or(farthest.filter(|_| named.is_none())) {
+        Some(bar) => {
+            let at = bar.center + bar.normal * (0.5 * bar.thick_m);
+            Stand::Open(Ajar { kind: PartKind::Drawer, at, way: -normal, way_m: out_m(&bar) })
+        }
+        None if bars.is_empty() => Stand::Unseen,
+        None => Stand::Closed,
     }
 }
 
