@@ -38,6 +38,8 @@ const BEFORE_M: f64 = 0.06;
 const FARTHER_M: f64 = 0.08;
 /// Backs off so far before the arm moves otherwise, metres.
 const BACK_OUT_M: f64 = 0.16;
+/// Places from which what was pushed to is looked at again.
+const LOOKS_AFTER: usize = 2;
 /// Handles and edges higher than this are not looked for, metres.
 const HIGHEST_M: f64 = 1.35;
 /// Distance from a side for a look, and how far aside of its middle, metres: a door that leans out is seen from its hinge's
@@ -63,7 +65,7 @@ pub fn close(
     let task = Task { nav, settings, bounds, part };
     let mut way_m = 0.0;
     for pushes in 0..=MAX_PUSHES {
-        let (stand, side) = match task.look_around(agent)? {
+        let (stand, side) = match task.look_around(agent, if pushes == 0 { usize::MAX } else { LOOKS_AFTER })? {
             Ok(seen) => seen,
             Err(failure) if pushes == 0 || failure.0 != Stage::Mapping => {
                 return Ok(Outcome::Failed(failure.0, failure.1));
@@ -120,8 +122,8 @@ struct Task<'a> {
 
 impl Task<'_> {
     /// Drives before one side after the other, and from one end of it to the other, until one shows how the part stands. In
-    /// the world frame.
-    fn look_around(&self, agent: &mut Agent) -> Result<Tried<(Stand, Side)>, Halt> {
+    /// the world frame. From `most` places of a side at most.
+    fn look_around(&self, agent: &mut Agent, most: usize) -> Result<Tried<(Stand, Side)>, Halt> {
         let (map, nav, bounds) = (agent.map().clone(), self.nav.clone(), self.bounds);
         let start = Pose2::from_pose(&agent.world_from_base()?).position;
         let places = agent.plan(move || {
@@ -138,7 +140,7 @@ impl Task<'_> {
         }
         for (side, places) in places {
             let mut closed = None;
-            for place in places {
+            for place in places.into_iter().take(most) {
                 agent.gaze = Gaze::AHEAD;
                 if Drive::to_pose(self.nav, place).run(agent)? != DriveOutcome::Arrived {
                     continue;
