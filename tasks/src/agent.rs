@@ -18,13 +18,13 @@ use crate::touch::{Motion, Touch};
 use dsm::Pose;
 use dsm::frame::RgbdFrame;
 use dsm::geometry::OrientedBox;
-use dsm::map::Map;
+use dsm::map::{Map, ObjectId};
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::{DriverError, JointState, Robot, Twist};
 use dsm_robot::joints::JointVelocities;
 use dsm_robot::model::{Configuration, RobotModel};
 use dsm_robot::nav::{LiveConfig, LiveObstacles};
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -110,6 +110,8 @@ pub struct Agent {
     held: Option<OrientedBox>,
     /// Where the base was held up by something that the map does not show, world frame.
     pub bumps: Vec<Point2<f64>>,
+    /// Objects that were moved since the last frame, and by what, world frame: what lies in a drawer goes with it.
+    pub moved: Vec<(ObjectId, Vector3<f64>)>,
     /// What the cameras measured around the base a moment ago.
     pub live: LiveObstacles,
     frames: BTreeMap<String, Seen>,
@@ -167,6 +169,7 @@ impl Agent {
             grip: None,
             held: None,
             bumps: Vec::new(),
+            moved: Vec::new(),
             live: LiveObstacles::default(),
             frames: BTreeMap::new(),
             pace: Pace::default(),

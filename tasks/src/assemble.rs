@@ -84,12 +84,18 @@ fn load(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<(Arc<RobotMo
     let start = spec.episode.start.map(|s| StartPose { x_m: s.x_m, y_m: s.y_m, yaw_rad: s.yaw_rad });
     let engine = find_engine(&spec.physics)?;
     let disturbances = spec.episode.disturbances.clone();
-    let config = WorldConfig { seed: spec.seed, perception, start, engine, label_ids, recorder, disturbances };
+    let open = spec.episode.open.clone();
+    let config = WorldConfig { seed: spec.seed, perception, start, engine, label_ids, recorder, disturbances, open };
     let world = World::load(&spec.scene, model.clone(), config).map_err(|error| match error {
         WorldError::Disturbance(DisturbanceError::NoFreeBody { body: name, known, .. }) => {
             let nearest = dsm::config::find_nearest(&name, known.iter().map(String::as_str)).map(str::to_owned);
             let (path, line) = (spec.file.clone(), line_of_name(&spec.file, &name));
             TaskError::UnknownName { path, line, what: "free body", name, nearest, known }
+        }
+        WorldError::NoPart { part: name, known } => {
+            let nearest = dsm::config::find_nearest(&name, known.iter().map(String::as_str)).map(str::to_owned);
+            let (path, line) = (spec.file.clone(), line_of_name(&spec.file, &name));
+            TaskError::UnknownName { path, line, what: "door or drawer", name, nearest, known }
         }
         other => other.into(),
     })?;

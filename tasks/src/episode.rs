@@ -3,6 +3,7 @@
 use crate::error::TaskError;
 use dsm::config::{ConfigError, line_of, parse_toml};
 use dsm_sim::disturb::Disturbance;
+use dsm_sim::world::OpenPart;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -40,6 +41,9 @@ pub struct Episode {
     /// What happens to the world meanwhile. The robot learns of it by its senses alone.
     #[serde(default, rename = "disturb")]
     pub disturbances: Vec<Disturbance>,
+    /// Doors and drawers that stand open at the start.
+    #[serde(default)]
+    pub open: Vec<OpenPart>,
 }
 
 /// Start pose of the base in the world frame.
@@ -233,6 +237,11 @@ impl Episode {
                 return fail("[[disturb]]", i, expected.into());
             }
         }
+        for (i, open) in self.open.iter().enumerate() {
+            if let Some(expected) = open.find_flaw() {
+                return fail("[[open]]", i, expected.into());
+            }
+        }
         Ok(())
     }
 }
@@ -294,6 +303,7 @@ impl Episode {
             steps: Vec::new(),
             expectations: Vec::new(),
             disturbances: Vec::new(),
+            open: Vec::new(),
         }
     }
 

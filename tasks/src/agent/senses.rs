@@ -37,12 +37,13 @@ impl Agent {
         if is_unfolded(&self.model, &configuration) {
             self.live.observe_surfaces(&frame, &bodies, &self.config.live);
         }
-        let carrier = Carrier {
+        let mut carrier = Carrier {
             bodies,
             footprint: Some((
                 Point2::from(world_from_base.translation.vector.xy()),
                 self.model.settings.base.footprint_radius_m,
             )),
+            moved: Vec::new(),
         };
         self.journal.note_frame(&frame, &world_from_base);
         (self.on_frame)(&Moment { frame: &frame, map: &self.map, journal: &self.journal });
@@ -54,6 +55,7 @@ impl Agent {
             // What nobody could recognise must not count as looked at.
             return Ok(());
         }
+        carrier.moved = std::mem::take(&mut self.moved);
         Ok(self.perception.submit(frame, carrier)?)
     }
 
