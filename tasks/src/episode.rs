@@ -2,6 +2,7 @@
 
 use crate::error::TaskError;
 use dsm::config::{ConfigError, line_of, parse_toml};
+use dsm_robot::faults::Fault;
 use dsm_sim::disturb::Disturbance;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -40,6 +41,9 @@ pub struct Episode {
     /// What happens to the world meanwhile. The robot learns of it by its senses alone.
     #[serde(default, rename = "disturb")]
     pub disturbances: Vec<Disturbance>,
+    /// What breaks in the robot meanwhile: drivers, sensors, clock, connection. Its safety envelope has to find out.
+    #[serde(default, rename = "fault")]
+    pub faults: Vec<Fault>,
 }
 
 /// Start pose of the base in the world frame.
@@ -233,6 +237,11 @@ impl Episode {
                 return fail("[[disturb]]", i, expected.into());
             }
         }
+        for (i, fault) in self.faults.iter().enumerate() {
+            if let Some(expected) = fault.find_flaw() {
+                return fail("[[fault]]", i, expected.into());
+            }
+        }
         Ok(())
     }
 }
@@ -294,6 +303,7 @@ impl Episode {
             steps: Vec::new(),
             expectations: Vec::new(),
             disturbances: Vec::new(),
+            faults: Vec::new(),
         }
     }
 
