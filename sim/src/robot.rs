@@ -140,7 +140,7 @@ impl SimRobot {
         let twist = if stopped { Twist::default() } else { self.base.twist_at(now) };
         self.physics.command_base(scaled(twist, self.conditions.grip));
         for group in [&mut self.arm, &mut self.head] {
-            for (joint, velocity) in group.commands() {
+            for (joint, velocity) in group.commands_at(now) {
                 let velocity = if stopped { 0.0 } else { velocity };
                 self.physics.command_joint(joint, JointTarget::Velocity(velocity));
             }

@@ -10,8 +10,9 @@ use dsm::ground::{GroundConfig, Grounder};
 use dsm::knowledge::Knowledge;
 use dsm::perceive::{Detector, PixelSegmenter};
 use dsm_robot::drivers::Robot;
-use dsm_robot::limited::Limited;
+use dsm_robot::faults::Faulty;
 use dsm_robot::model::RobotModel;
+use dsm_robot::safety::Envelope;
 use dsm_sim::disturb::DisturbanceError;
 use dsm_sim::replay::{Moment, Replay};
 use dsm_sim::scene::summarise_notes;
@@ -65,10 +66,23 @@ pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> R
     let radius_m = model.settings.base.footprint_radius_m;
     let judge = Judge::new(truth, spec.episode.expectations.clone(), bounds, radius_m, hand_of(&model));
     let parts = world.into_parts();
-    let robot: Box<dyn Robot> = Box::new(Limited::new(parts.robot, &model));
+    let robot = Envelope::new(with_faults(parts.robot, spec), &model).with_stop_switch(spec.stop.clone());
+    let robot: Box<dyn Robot> = Box::new(robot);
     let detector: Box<dyn Detector> =
         if sees_pixels_alone(spec) { Box::new(PixelSegmenter) } else { Box::new(parts.detector) };
     Ok(Assembled { robot, model, detector, truth: parts.truth, judge, words: parts.words })
+}
+
+/// The robot as it breaks in this episode; it breaks within its envelope.
+fn with_faults(robot: impl Robot + 'static, spec: &RunSpec) -> Box<dyn Robot> {
+    let faults = &spec.episode.faults;
+    if faults.is_empty() { Box::new(robot) } else { Box::new(Faulty::new(robot, faults.clone(), spec.seed)) }
+}
+
+/// The robot of a run without its envelope, to check its drivers.
+pub fn bare_robot(spec: &RunSpec) -> Result<(Box<dyn Robot>, Arc<RobotModel>), TaskError> {
+    let (model, world) = load(spec, None)?;
+    Ok((with_faults(world.into_parts().robot, spec), model))
 }
 
 /// Loads and checks all inputs of a run without beginning it.

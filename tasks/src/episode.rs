@@ -2,6 +2,7 @@
 
 use crate::error::TaskError;
 use dsm::config::{ConfigError, line_of, parse_toml};
+use dsm_robot::faults::Fault;
 use dsm_sim::disturb::Disturbance;
 use dsm_sim::world::OpenPart;
 use schemars::JsonSchema;
@@ -44,6 +45,9 @@ pub struct Episode {
     /// Doors and drawers that stand open at the start.
     #[serde(default)]
     pub open: Vec<OpenPart>,
+    /// What breaks in the robot meanwhile: drivers, sensors, clock, connection. Its safety envelope has to find out.
+    #[serde(default, rename = "fault")]
+    pub faults: Vec<Fault>,
 }
 
 /// Start pose of the base in the world frame.
@@ -242,6 +246,11 @@ impl Episode {
                 return fail("[[open]]", i, expected.into());
             }
         }
+        for (i, fault) in self.faults.iter().enumerate() {
+            if let Some(expected) = fault.find_flaw() {
+                return fail("[[fault]]", i, expected.into());
+            }
+        }
         Ok(())
     }
 }
@@ -304,6 +313,7 @@ impl Episode {
             expectations: Vec::new(),
             disturbances: Vec::new(),
             open: Vec::new(),
+            faults: Vec::new(),
         }
     }
 

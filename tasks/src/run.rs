@@ -7,6 +7,7 @@ use crate::perception::Tape;
 use crate::session::Session;
 use crate::summary::Summary;
 use dsm::map::Map;
+use dsm_robot::safety::StopSwitch;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -37,6 +38,8 @@ pub struct RunSpec {
     pub time_limit_s: f64,
     /// Gives the simulator's label ids another meaning in every frame: nothing may change. Default false.
     pub permute_labels: bool,
+    /// Stops the robot when it is pressed, by a key or whatever holds a copy of it.
+    pub stop: StopSwitch,
 }
 
 impl RunSpec {
@@ -53,6 +56,7 @@ impl RunSpec {
             seed: episode.seed,
             time_limit_s: episode.time_limit_s,
             permute_labels: false,
+            stop: StopSwitch::default(),
             episode,
         }
     }

@@ -273,6 +273,7 @@ impl Fit<'_> {
         }
         self.check_postures(&settings, &kinematics)?;
         self.check_roles(&settings)?;
+        self.check_safety(&settings)?;
         let mut ignored = Vec::with_capacity(settings.collision.ignored_pairs.len());
         for [first, second] in &settings.collision.ignored_pairs {
             ignored.push((self.link(&kinematics, first)?, self.link(&kinematics, second)?));
@@ -280,6 +281,20 @@ impl Fit<'_> {
         let collision = Arc::new(CollisionModel::new(&kinematics, &ignored));
         let file = self.file.to_owned();
         Ok(RobotModel { settings, file, kinematics, arm, head, gripper, groups, tool, collision })
+    }
+
+    /// Borders that hold something in.
+    fn check_safety(&self, settings: &RobotSettings) -> Result<(), ModelError> {
+        let safety = &settings.safety;
+        if (1..3).contains(&safety.area.len()) || !safety.area.iter().flatten().all(|value| value.is_finite()) {
+            return Err(self.mismatch("area", "safety.area: expected three corners or more, each [x, y]".into()));
+        }
+        if safety.tool_lowest_m.zip(safety.tool_highest_m).is_some_and(|(lowest, highest)| lowest >= highest) {
+            return Err(
+                self.mismatch("tool_lowest_m", "safety.tool_lowest_m: expected less than tool_highest_m".into())
+            );
+        }
+        Ok(())
     }
 
     /// What the skills ask a robot for by name.

@@ -1,6 +1,7 @@
 //! The layout of `robot.toml`: what a URDF cannot say. SI units, radians; joints and frames by their URDF names.
 
 use crate::control::ControllerConfig;
+use crate::safety::settings::SafetySettings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -63,6 +64,9 @@ pub struct RobotSettings {
     /// The arm controller; default: see each of its values.
     #[serde(default)]
     pub control: ControllerConfig,
+    /// The safety envelope; default: see each of its values.
+    #[serde(default)]
+    pub safety: SafetySettings,
 }
 
 /// How the base moves.

@@ -3,6 +3,7 @@
 mod bench;
 mod bench_map;
 mod build;
+mod drivers;
 mod eval;
 mod eval_drives;
 mod eval_episodes;
@@ -140,6 +141,9 @@ pub enum Command {
     /// Look into a robot.
     #[command(subcommand)]
     Robot(robot::RobotCommand),
+    /// Hold a robot's drivers to their contract.
+    #[command(subcommand)]
+    Drivers(drivers::DriversCommand),
     /// Show the configuration.
     #[command(subcommand)]
     Config(info::ConfigCommand),
@@ -171,6 +175,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Map(command) => map::run(command),
         Command::Scene(command) => scene::run(command),
         Command::Robot(command) => robot::run(command),
+        Command::Drivers(command) => drivers::run(command),
         Command::Config(command) => info::config(command),
         Command::Bench(args) => bench::run(args),
         Command::Completions { shell } => info::completions(shell),

@@ -12,9 +12,11 @@ use crate::run::{Finished, Progress, RunSpec, run_taped};
 use crate::settings::Settings;
 use crate::summary::Summary;
 use dsm::store::write_atomically;
+use dsm_robot::safety::StopSwitch;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use std::fmt::Write;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -60,6 +62,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<u8> {
     let view = args.view.map(open).transpose()?;
     let folder = prepare_folder(&args.out, &default_folder(&spec))?;
     let interrupted = catch_interrupt()?;
+    listen_for_stop(spec.stop.clone());
     let bar = progress_bar(spec.time_limit_s);
     let mut progress: Box<dyn Progress> = Box::new(BarProgress { bar: bar.clone() });
     if let Some(view) = &view {
@@ -88,6 +91,7 @@ pub fn prepare(file: &Path, world: &WorldArgs) -> Result<(RunSpec, Settings), Ta
         seed: settings.seed.value,
         time_limit_s: settings.time_limit_s.value,
         permute_labels: false,
+        stop: StopSwitch::default(),
         episode,
     };
     Ok((spec, settings))
@@ -154,6 +158,21 @@ pub(super) fn catch_interrupt() -> Result<Arc<AtomicBool>, TaskError> {
     let set = flag.clone();
     ctrlc::set_handler(move || set.store(true, Ordering::Relaxed)).map_err(|e| TaskError::Internal(e.to_string()))?;
     Ok(flag)
+}
+
+/// Lets whoever sits at a terminal stop the robot: `s` or a space, and Enter. Where nobody sits, nothing is read.
+fn listen_for_stop(switch: StopSwitch) {
+    if !std::io::stdin().is_terminal() {
+        return;
+    }
+    tracing::info!("`s` and Enter stop the robot");
+    // It ends with the process: nothing else wakes who waits for a key.
+    std::thread::spawn(move || {
+        let mut lines = std::io::stdin().lines().map_while(Result::ok);
+        if lines.any(|line| line == " " || line.trim().eq_ignore_ascii_case("s")) {
+            switch.press("the emergency stop was pressed at the terminal");
+        }
+    });
 }
 
 /// Sets the number of worker threads, once per process.
