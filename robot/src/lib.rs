@@ -8,6 +8,7 @@
 //! simulation and hardware are limited by the same code; only [`drivers::Clock::wait_until`] lets time pass.
 //! The crate does not know which world is behind a driver.
 
+pub mod calibrate;
 pub mod control;
 pub mod drivers;
 pub mod grasp;
@@ -15,3 +16,5 @@ pub mod joints;
 pub mod limited;
 pub mod model;
 pub mod nav;
+pub mod recorded;
+pub mod timing;

@@ -12,6 +12,8 @@ use dsm::perceive::{Detector, PixelSegmenter};
 use dsm_robot::drivers::Robot;
 use dsm_robot::limited::Limited;
 use dsm_robot::model::RobotModel;
+use dsm_robot::recorded::{RecordSink, Recording};
+use dsm_robot::timing::Synchronised;
 use dsm_sim::disturb::DisturbanceError;
 use dsm_sim::replay::{Moment, Replay};
 use dsm_sim::scene::summarise_notes;
@@ -46,6 +48,19 @@ pub fn assemble(spec: &RunSpec) -> Result<Assembled, TaskError> {
 
 /// As [`assemble`]; `recorder` gets what is needed to see each image again.
 pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<Assembled, TaskError> {
+    assemble_watched(spec, recorder, None)
+}
+
+/// As [`assemble`]; `sink` gets all that the drivers below the limits are asked and answer.
+pub fn assemble_recorded(spec: &RunSpec, sink: Option<Box<dyn RecordSink>>) -> Result<Assembled, TaskError> {
+    assemble_watched(spec, None, sink)
+}
+
+fn assemble_watched(
+    spec: &RunSpec,
+    recorder: Option<Sender<Moment>>,
+    sink: Option<Box<dyn RecordSink>>,
+) -> Result<Assembled, TaskError> {
     let (model, world) = load(spec, recorder)?;
     for note in summarise_notes(world.notes()) {
         tracing::warn!("{note}");
@@ -65,10 +80,22 @@ pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> R
     let radius_m = model.settings.base.footprint_radius_m;
     let judge = Judge::new(truth, spec.episode.expectations.clone(), bounds, radius_m, hand_of(&model));
     let parts = world.into_parts();
-    let robot: Box<dyn Robot> = Box::new(Limited::new(parts.robot, &model));
+    let robot = match sink {
+        Some(sink) => limited(Recording::new(parts.robot, &model, sink), &model),
+        None => limited(parts.robot, &model),
+    };
     let detector: Box<dyn Detector> =
         if sees_pixels_alone(spec) { Box::new(PixelSegmenter) } else { Box::new(parts.detector) };
     Ok(Assembled { robot, model, detector, truth: parts.truth, judge, words: parts.words })
+}
+
+/// A driver within its limits. Where `robot.toml` declares latencies its frames get the pose of their own moment.
+pub(crate) fn limited<R: Robot + 'static>(driver: R, model: &Arc<RobotModel>) -> Box<dyn Robot> {
+    if model.settings.has_latency() {
+        Box::new(Limited::new(Synchronised::new(driver, model.clone()), model))
+    } else {
+        Box::new(Limited::new(driver, model))
+    }
 }
 
 /// Loads and checks all inputs of a run without beginning it.

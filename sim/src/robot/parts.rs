@@ -1,6 +1,7 @@
 //! Base, joint groups, gripper and emergency stop: latched commands and measured states.
 
 use super::SimRobotError;
+use super::delay::Delay;
 use crate::physics::{JointTarget, Physics};
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::{Base, DriverError, EmergencyStop, Gripper, GripperState, JointGroup, JointState, Twist};
@@ -94,11 +95,11 @@ pub(super) struct SimGroup {
     joints: Vec<usize>,
     max_speeds: Vec<f64>,
     commanded: JointVelocities,
-    state: JointState,
+    state: Delay<JointState>,
 }
 
 impl SimGroup {
-    pub(super) fn new(group: &Group, physics: &dyn Physics) -> Result<Self, SimRobotError> {
+    pub(super) fn new(group: &Group, latency_s: f64, physics: &dyn Physics) -> Result<Self, SimRobotError> {
         let joints = group.joints.iter().map(|name| find_joint(physics, name)).collect::<Result<Vec<_>, _>>()?;
         let state = JointState {
             stamp: physics.now(),
@@ -110,7 +111,7 @@ impl SimGroup {
             joints,
             max_speeds: group.limits.iter().map(|limits| limits.velocity).collect(),
             commanded: JointVelocities::zeros(&group.joints),
-            state,
+            state: Delay::new(latency_s, physics.now(), state),
         })
     }
 
@@ -119,12 +120,13 @@ impl SimGroup {
     }
 
     pub(super) fn measure(&mut self, physics: &dyn Physics) {
-        self.state.stamp = physics.now();
         let (positions, velocities) = (physics.joint_positions(), physics.joint_velocities());
+        let mut state = JointState { stamp: physics.now(), ..self.state.heard().clone() };
         for (index, joint) in self.joints.iter().enumerate() {
-            self.state.positions.values_mut()[index] = positions.values()[*joint];
-            self.state.velocities.values_mut()[index] = velocities.values()[*joint];
+            state.positions.values_mut()[index] = positions.values()[*joint];
+            state.velocities.values_mut()[index] = velocities.values()[*joint];
         }
+        self.state.measure(physics.now(), state);
     }
 }
 
@@ -145,7 +147,7 @@ impl JointGroup for SimGroup {
     }
 
     fn state(&mut self) -> Result<JointState, DriverError> {
-        Ok(self.state.clone())
+        Ok(self.state.heard().clone())
     }
 }
 
