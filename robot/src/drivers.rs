@@ -11,13 +11,14 @@ use crate::safety::Safety;
 use dsm::Pose;
 use dsm::frame::RgbdFrame;
 use dsm::time::{Span, Stamp};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// A driver whose base or joints hear nothing for this long stops them by itself.
 pub const DRIVER_TIMEOUT: Span = Span(500_000_000);
 
 /// Velocity of the base in its own frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Twist {
     /// Forward speed in metres per second.
     pub forward_m_per_s: f64,
@@ -37,7 +38,7 @@ pub struct JointState {
 }
 
 /// State of the gripper.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GripperState {
     /// When it was measured.
     pub stamp: Stamp,
@@ -50,7 +51,7 @@ pub struct GripperState {
 }
 
 /// A pose with the moment it holds for.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StampedPose {
     /// The moment.
     pub stamp: Stamp,
@@ -59,7 +60,7 @@ pub struct StampedPose {
 }
 
 /// Why a driver could not do what was asked.
-#[derive(Debug, Error, PartialEq)]
+#[derive(Clone, Debug, Error, PartialEq, Serialize, Deserialize)]
 pub enum DriverError {
     /// The emergency stop is latched.
     #[error("the emergency stop is latched: {reason}")]

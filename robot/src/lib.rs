@@ -8,6 +8,7 @@
 //! simulation and hardware are limited by the same code; only [`drivers::Clock::wait_until`] lets time pass.
 //! The crate does not know which world is behind a driver.
 
+pub mod calibrate;
 pub mod conformance;
 pub mod control;
 pub mod drivers;
@@ -16,4 +17,6 @@ pub mod grasp;
 pub mod joints;
 pub mod model;
 pub mod nav;
+pub mod recorded;
 pub mod safety;
+pub mod timing;

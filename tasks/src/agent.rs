@@ -458,7 +458,8 @@ impl Agent {
     /// Ends perception and gives back the final map and the journal.
     pub fn finish(mut self) -> Result<(Arc<Map>, Journal), TaskError> {
         self.stop();
-        if let Some(learned) = self.perception.finish()? {
+        for learned in self.perception.finish()? {
+            self.journal.note_learned(&learned);
             self.map = learned.map;
         }
         Ok((self.map, self.journal))

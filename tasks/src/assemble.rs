@@ -12,7 +12,9 @@ use dsm::perceive::{Detector, PixelSegmenter};
 use dsm_robot::drivers::Robot;
 use dsm_robot::faults::Faulty;
 use dsm_robot::model::RobotModel;
-use dsm_robot::safety::Envelope;
+use dsm_robot::recorded::{RecordSink, Recording};
+use dsm_robot::safety::{Envelope, StopSwitch};
+use dsm_robot::timing::Synchronised;
 use dsm_sim::disturb::DisturbanceError;
 use dsm_sim::replay::{Moment, Replay};
 use dsm_sim::scene::summarise_notes;
@@ -47,6 +49,19 @@ pub fn assemble(spec: &RunSpec) -> Result<Assembled, TaskError> {
 
 /// As [`assemble`]; `recorder` gets what is needed to see each image again.
 pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<Assembled, TaskError> {
+    assemble_watched(spec, recorder, None)
+}
+
+/// As [`assemble`]; `sink` gets all that the drivers below the limits are asked and answer.
+pub fn assemble_recorded(spec: &RunSpec, sink: Option<Box<dyn RecordSink>>) -> Result<Assembled, TaskError> {
+    assemble_watched(spec, None, sink)
+}
+
+fn assemble_watched(
+    spec: &RunSpec,
+    recorder: Option<Sender<Moment>>,
+    sink: Option<Box<dyn RecordSink>>,
+) -> Result<Assembled, TaskError> {
     let (model, world) = load(spec, recorder)?;
     for note in summarise_notes(world.notes()) {
         tracing::warn!("{note}");
@@ -66,8 +81,11 @@ pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> R
     let radius_m = model.settings.base.footprint_radius_m;
     let judge = Judge::new(truth, spec.episode.expectations.clone(), bounds, radius_m, hand_of(&model));
     let parts = world.into_parts();
-    let robot = Envelope::new(with_faults(parts.robot, spec), &model).with_stop_switch(spec.stop.clone());
-    let robot: Box<dyn Robot> = Box::new(robot);
+    let driver = with_faults(parts.robot, spec);
+    let robot = match sink {
+        Some(sink) => enveloped(Recording::new(driver, &model, sink), &model, spec.stop.clone()),
+        None => enveloped(driver, &model, spec.stop.clone()),
+    };
     let detector: Box<dyn Detector> =
         if sees_pixels_alone(spec) { Box::new(PixelSegmenter) } else { Box::new(parts.detector) };
     Ok(Assembled { robot, model, detector, truth: parts.truth, judge, words: parts.words })
@@ -83,6 +101,16 @@ fn with_faults(robot: impl Robot + 'static, spec: &RunSpec) -> Box<dyn Robot> {
 pub fn bare_robot(spec: &RunSpec) -> Result<(Box<dyn Robot>, Arc<RobotModel>), TaskError> {
     let (model, world) = load(spec, None)?;
     Ok((with_faults(world.into_parts().robot, spec), model))
+}
+
+/// A driver within its safety envelope. Where `robot.toml` declares latencies its frames get the pose of their own moment.
+pub(crate) fn enveloped<R: Robot + 'static>(driver: R, model: &Arc<RobotModel>, stop: StopSwitch) -> Box<dyn Robot> {
+    if model.settings.has_latency() {
+        let driver = Synchronised::new(driver, model.clone());
+        Box::new(Envelope::new(driver, model).with_stop_switch(stop))
+    } else {
+        Box::new(Envelope::new(driver, model).with_stop_switch(stop))
+    }
 }
 
 /// Loads and checks all inputs of a run without beginning it.

@@ -88,6 +88,8 @@ pub enum SkillName {
     Navigate,
     /// Drives to an object and lifts it.
     Grasp,
+    /// Turns the head from gaze to gaze and rests at each while all else stands still: `dsm calibrate` needs such a recording.
+    Wiggle,
 }
 
 /// What an expectation is about.
@@ -204,7 +206,7 @@ impl Episode {
         for (i, step) in self.steps.iter().enumerate() {
             let complete = match (&step.command, step.skill, &step.target) {
                 (Some(command), None, None) => !command.trim().is_empty(),
-                (None, Some(SkillName::Explore), None) => true,
+                (None, Some(SkillName::Explore | SkillName::Wiggle), None) => true,
                 (None, Some(SkillName::Navigate | SkillName::Grasp), Some(target)) => !target.trim().is_empty(),
                 _ => false,
             };
@@ -212,7 +214,7 @@ impl Episode {
                 return fail(
                     "[[step]]",
                     i,
-                    "either command = \"text\", or skill = explore | navigate | grasp with its target = \"text\""
+                    "either command = \"text\", or skill = explore | wiggle, or skill = navigate | grasp with its target = \"text\""
                         .into(),
                 );
             }

@@ -17,6 +17,7 @@ use crate::skills::navigate::{navigate_to_object, navigate_to_room, way_to};
 use crate::skills::place::place;
 use crate::skills::retreat::retreat;
 use crate::skills::search::{Thoroughness, search};
+use crate::skills::wiggle::wiggle;
 use crate::summary::{EXPLORE, Failure, PartSummary, Stage, StepOutcome, StepSummary};
 use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, RelationWord, parse_command, split_sequence};
 use dsm::knowledge::Knowledge;
@@ -133,6 +134,7 @@ impl Executor {
     /// One step, after which so many others follow.
     fn step(&mut self, agent: &mut Agent, step: &Step, others: usize) -> Result<Done, Halt> {
         let command = match (&step.command, step.skill) {
+            (None, Some(SkillName::Wiggle)) => return Ok(done("wiggle", wiggle(agent)?, None)),
             (Some(text), _) => {
                 let parts = split_sequence(text, &self.knowledge);
                 if parts.len() > 1 {
@@ -147,7 +149,7 @@ impl Executor {
                 action: match skill {
                     Some(SkillName::Navigate) => Action::Navigate,
                     Some(SkillName::Grasp) => Action::Grasp,
-                    Some(SkillName::Explore) | None => Action::Explore,
+                    Some(SkillName::Explore | SkillName::Wiggle) | None => Action::Explore,
                 },
                 target: step.target.clone().unwrap_or_default(),
                 destination: None,

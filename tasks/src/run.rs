@@ -4,7 +4,8 @@ use crate::episode::Episode;
 use crate::error::TaskError;
 use crate::journal::{Journal, Moment};
 use crate::perception::Tape;
-use crate::session::Session;
+use crate::replay::RecordingEnd;
+use crate::session::{Keep, Session};
 use crate::summary::Summary;
 use dsm::map::Map;
 use dsm_robot::safety::StopSwitch;
@@ -70,6 +71,8 @@ pub struct Finished {
     pub map: Arc<Map>,
     /// What happened along the way.
     pub journal: Journal,
+    /// How its recording ended, when there is one.
+    pub recorded: Option<RecordingEnd>,
 }
 
 /// Hears about a run while it goes on. Nothing that it does changes the run.
@@ -106,7 +109,18 @@ pub fn run_taped(
     interrupted: Arc<AtomicBool>,
     progress: Box<dyn Progress>,
 ) -> Result<Finished, TaskError> {
-    let mut session = Session::begin_taped(spec, map_file, tapes, interrupted, progress)?;
+    run_kept(spec, map_file, Keep { tapes, recorder: None }, interrupted, progress)
+}
+
+/// As [`run_episode`]; what `keep` says is kept of the run.
+pub fn run_kept(
+    spec: &RunSpec,
+    map_file: Option<&Path>,
+    keep: Keep,
+    interrupted: Arc<AtomicBool>,
+    progress: Box<dyn Progress>,
+) -> Result<Finished, TaskError> {
+    let mut session = Session::begin_kept(spec, map_file, keep, interrupted, progress)?;
     session.run(&spec.episode.steps);
     session.finish()
 }

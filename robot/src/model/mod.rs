@@ -21,6 +21,7 @@ pub use obstacle::{Hull, Obstacle};
 pub use settings::RobotSettings;
 
 use crate::joints::{JointNames, JointPositions};
+use dsm::Pose;
 use dsm::config::{ConfigError, find_nearest, line_of};
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
@@ -105,6 +106,9 @@ impl RobotModel {
         for name in &settings.collision.ignored_links {
             let link = fit.link(&kinematics, name)?;
             kinematics.links[link.0].collisions.clear();
+        }
+        for camera in &settings.camera {
+            fit.mount(&mut kinematics, camera)?;
         }
         fit.assemble(settings, kinematics)
     }
@@ -203,6 +207,22 @@ impl Fit<'_> {
             let known: Vec<&str> = kinematics.links.iter().map(|link| link.name.as_str()).collect();
             self.unknown("link", name, &known)
         })
+    }
+
+    /// Moves the frame of a camera to where the camera really is.
+    fn mount(&self, kinematics: &mut Kinematics, camera: &settings::CameraSettings) -> Result<(), ModelError> {
+        let offset = camera.frame_from_camera();
+        let link = self.link(kinematics, &camera.frame)?;
+        if offset == Pose::identity() {
+            return Ok(());
+        }
+        let is_fixed = |joint: &usize| kinematics.joints[*joint].kind == JointKind::Fixed;
+        let Some(joint) = kinematics.links[link.0].parent_joint.filter(is_fixed) else {
+            let message = format!("`{}` has an offset; expected a frame that a fixed joint carries", camera.frame);
+            return Err(self.mismatch(&camera.frame, message));
+        };
+        kinematics.joints[joint].parent_from_joint *= offset;
+        Ok(())
     }
 
     fn group(&self, kinematics: &Kinematics, settings: &settings::GroupSettings) -> Result<Group, ModelError> {

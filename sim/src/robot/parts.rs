@@ -1,6 +1,7 @@
 //! Base, joint groups, gripper and emergency stop: latched commands and measured states.
 
 use super::SimRobotError;
+use super::delay::Delay;
 use crate::physics::{JointTarget, Physics};
 use dsm::time::Stamp;
 use dsm_robot::drivers::{
@@ -95,11 +96,12 @@ pub(super) struct SimGroup {
     max_speeds: Vec<f64>,
     commanded: JointVelocities,
     commanded_at: Stamp,
-    state: JointState,
+    now: Stamp,
+    state: Delay<JointState>,
 }
 
 impl SimGroup {
-    pub(super) fn new(group: &Group, physics: &dyn Physics) -> Result<Self, SimRobotError> {
+    pub(super) fn new(group: &Group, latency_s: f64, physics: &dyn Physics) -> Result<Self, SimRobotError> {
         let joints = group.joints.iter().map(|name| find_joint(physics, name)).collect::<Result<Vec<_>, _>>()?;
         let state = JointState {
             stamp: physics.now(),
@@ -112,7 +114,8 @@ impl SimGroup {
             max_speeds: group.limits.iter().map(|limits| limits.velocity).collect(),
             commanded: JointVelocities::zeros(&group.joints),
             commanded_at: physics.now(),
-            state,
+            now: physics.now(),
+            state: Delay::new(latency_s, physics.now(), state),
         })
     }
 
@@ -123,12 +126,14 @@ impl SimGroup {
     }
 
     pub(super) fn measure(&mut self, physics: &dyn Physics) {
-        self.state.stamp = physics.now();
+        self.now = physics.now();
         let (positions, velocities) = (physics.joint_positions(), physics.joint_velocities());
+        let mut state = JointState { stamp: physics.now(), ..self.state.heard().clone() };
         for (index, joint) in self.joints.iter().enumerate() {
-            self.state.positions.values_mut()[index] = positions.values()[*joint];
-            self.state.velocities.values_mut()[index] = velocities.values()[*joint];
+            state.positions.values_mut()[index] = positions.values()[*joint];
+            state.velocities.values_mut()[index] = velocities.values()[*joint];
         }
+        self.state.measure(physics.now(), state);
     }
 }
 
@@ -145,12 +150,12 @@ impl JointGroup for SimGroup {
             sent.values_mut()[index] = finite(velocity, &format!("velocity of {name}"))?.clamp(-max, max);
         }
         self.commanded = sent.clone();
-        self.commanded_at = self.state.stamp;
+        self.commanded_at = self.now;
         Ok(sent)
     }
 
     fn state(&mut self) -> Result<JointState, DriverError> {
-        Ok(self.state.clone())
+        Ok(self.state.heard().clone())
     }
 }
 

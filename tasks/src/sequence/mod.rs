@@ -14,6 +14,8 @@ mod images;
 mod read;
 mod record;
 
+#[cfg(feature = "mcap")]
+pub(crate) use images::{decode_color, decode_depth};
 pub use read::{Layout, Options, Sequence};
 pub use record::SequenceRecorder;
 

@@ -29,6 +29,7 @@ mod seen;
 pub mod spots;
 mod swing;
 mod target;
+pub mod wiggle;
 mod wrist;
 
 use crate::summary::Stage;
