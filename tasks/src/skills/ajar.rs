@@ -117,7 +117,7 @@ fn is_of(p: &Point3<f64>, plane: &Front) -> bool {
 }
 
 /// How deep the closed front lies along a normal: by the front edge of the top, as far as no front reaches up to it, and the
-/// front that is nearest to that; else by the rearmost plane.
+/// largest front that is near that; else by the rearmost plane.
 fn closed_depth_m(points: &[Point3<f64>], planes: &[Front], normal: &Vector3<f64>, top_m: f64) -> Option<f64> {
     /// The top is seen when so many points are of it.
     const LEAST_POINTS: usize = 150;
@@ -134,8 +134,9 @@ fn closed_depth_m(points: &[Point3<f64>], planes: &[Front], normal: &Vector3<f64
     let depth_m = |plane: &Front| plane.point.coords.dot(normal);
     if top.len() >= LEAST_POINTS {
         let edge_m = *top.get((EDGE * top.len() as f64) as usize)?;
-        let near = planes.iter().map(depth_m).filter(|at_m| (-ABOUT_M.0..ABOUT_M.1).contains(&(at_m - edge_m)));
-        return Some(near.min_by(|a, b| (a - edge_m).abs().total_cmp(&(b - edge_m).abs())).unwrap_or(edge_m));
+        // The largest of them: they come in this order.
+        let mut near = planes.iter().map(depth_m).filter(|at_m| (-ABOUT_M.0..ABOUT_M.1).contains(&(at_m - edge_m)));
+        return Some(near.next().unwrap_or(edge_m));
     }
     planes.iter().map(depth_m).min_by(f64::total_cmp)
 }

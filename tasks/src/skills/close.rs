@@ -27,7 +27,7 @@ use nalgebra::{Point2, Point3, Translation3, UnitQuaternion, Vector3};
 use std::collections::BTreeSet;
 
 /// Pushes before the skill gives up.
-const MAX_PUSHES: usize = 3;
+const MAX_PUSHES: usize = 4;
 /// Distances of the base from where it pushes, the best first, metres.
 const PUSH_FROM_M: [f64; 6] = [0.62, 0.66, 0.58, 0.7, 0.54, 0.5];
 /// Room in which the arm unfolds, behind the place to push from, metres.

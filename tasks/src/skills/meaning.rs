@@ -21,8 +21,11 @@ const FRAMES: usize = 3;
 const PERIOD: Span = Span(250_000_000);
 /// Fewer pixels say nothing.
 const LEAST_PIXELS: usize = 60;
-/// Points this near to their depth in the frame are seen, metres.
-const SAME_M: f64 = 0.03;
+/// Pixels this far inside of the thing's box, and above its foot, show it, metres.
+const BORDER_M: f64 = 0.004;
+const FOOT_M: f64 = 0.02;
+/// So many points are kept.
+const MOST_POINTS: usize = 400;
 /// What the words meant keeps at least this share of its score; less where no other one of its name is known that it could
 /// have been put in the place of.
 const KEPT_SHARE: f32 = 0.35;
@@ -71,6 +74,7 @@ impl Meaning {
             look.add(&*self.describer, &seen.frame, object);
         }
         if look.votes.is_empty() {
+            agent.log(format!("too little of object {} is seen to tell how it looks", id.0));
             return Ok(None);
         }
         let map = agent.map().clone();
@@ -113,28 +117,28 @@ struct Look {
 impl Look {
     /// Adds what a frame shows of an object, if it shows enough of it.
     fn add(&mut self, describer: &dyn Describer, frame: &RgbdFrame, object: &MapObject) {
-        let camera_from_world = frame.world_from_camera.inverse();
-        let mut pixels: BTreeSet<u32> = BTreeSet::new();
+        let bounds = &object.bounds;
+        let foot_m = bounds.center.z - 0.5 * bounds.size.z;
+        let mut pixels: Vec<u32> = Vec::new();
         let mut points = Vec::new();
         let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-        for point in &object.points {
-            let at: Point3<f64> = point.position.cast();
-            let p = camera_from_world * at;
-            let Some((column, row)) = frame.model.find_pixel(&p) else { continue };
-            let pixel = row * frame.model.width + column;
-            if (f64::from(frame.depth_m[pixel as usize]) - p.z).abs() < SAME_M {
-                pixels.insert(pixel);
-                points.push(MapPoint { color: frame.color[pixel as usize], ..*point });
+        for pixel in 0..frame.depth_m.len() {
+            let Some(p) = frame.find_point_in_camera(pixel) else { continue };
+            let at: Point3<f64> = frame.world_from_camera * p;
+            // Its border is mixed with what is behind, its foot with what it stands on.
+            if bounds.contains(&at, -BORDER_M) && at.z > foot_m + FOOT_M {
+                pixels.push(pixel as u32);
+                points.push(MapPoint { position: at.cast(), color: frame.color[pixel] });
                 (low, high) = (low.inf(&at.coords), high.sup(&at.coords));
             }
         }
         if pixels.len() < LEAST_PIXELS {
             return;
         }
-        let pixels: Vec<u32> = pixels.into_iter().collect();
         let view = ObjectView { frame, pixels: &pixels, name: object.name(), extent_m: high - low };
         self.votes.extend(describer.describe(&view));
-        self.points = points;
+        let step = points.len().div_ceil(MOST_POINTS).max(1);
+        self.points = points.into_iter().step_by(step).collect();
     }
 
     /// The object as it looks now: what the map remembers of the same attributes does not count.

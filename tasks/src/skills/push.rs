@@ -5,8 +5,9 @@
 //! lag = told - gone;     usual += (lag - usual) dt / T;     the end: lag - usual > bound
 //! ```
 //!
-//! Base and arm that are held up press by about 46 N for each millimetre that they lag behind (a door at its end: 87 to 253 N
-//! in 0.25 s at 25 mm/s), so the bound is half a millimetre above what friction costs, and the end is come to slowly.
+//! Base and arm that are held up press by 50 to 120 N for each millimetre that they lag behind (a door at its end: 87 to 253 N
+//! in 0.25 s at 25 mm/s; a drawer: 115 N at 1.4 mm), so the bound is a quarter of a millimetre above what friction costs, and
+//! all of the way is gone slowly.
 
 use super::pull::seen_from_base;
 use crate::agent::{Agent, Halt};
@@ -19,14 +20,15 @@ use dsm_robot::model::LinkId;
 use nalgebra::Vector3;
 
 /// Speed of a push, metres per second.
-const PUSH_M_PER_S: f64 = 0.03;
+const PUSH_M_PER_S: f64 = 0.02;
 /// Speed where the end is near, and how near that is, metres: what is pushed stops there at once.
-const LAST_M_PER_S: f64 = 0.012;
-const NEAR_END_M: f64 = 0.06;
-/// The hand lags behind its way by no more than this above what is usual, metres: on the way, where things break loose, and
-/// near the end.
-const LAG_M: f64 = 0.0013;
-const LAST_LAG_M: f64 = 0.0005;
+const LAST_M_PER_S: f64 = 0.01;
+const NEAR_END_M: f64 = 0.1;
+/// The hand lags behind its way by no more than this above what is usual, metres: where it meets what it pushes and that
+/// breaks loose, which takes so much way, and after that.
+const MEETS_LAG_M: f64 = 0.0013;
+const MEETS_M: f64 = 0.04;
+const LAG_M: f64 = 0.00025;
 /// What is usual is learned within so long, seconds.
 const USUAL_S: f64 = 0.4;
 /// Speed at which it is let down again, metres per second.
@@ -104,7 +106,8 @@ pub(super) fn push(agent: &mut Agent, task: &Push<'_>, touching: &[LinkId]) -> R
         let lag_m = told_m - gone_m;
         most_lag_m = most_lag_m.max(lag_m);
         let is_near_end = gone_m > expected_m - NEAR_END_M;
-        let (wanted, bound_m) = if is_near_end { (LAST_M_PER_S, LAST_LAG_M) } else { (PUSH_M_PER_S, LAG_M) };
+        let wanted = if is_near_end { LAST_M_PER_S } else { PUSH_M_PER_S };
+        let bound_m = if gone_m < task.before_m + MEETS_M { MEETS_LAG_M } else { LAG_M };
         // Speeding up and slowing down lag by themselves.
         let is_steady = (speed - wanted).abs() < 0.2 * wanted;
         if is_steady && lag_m - usual_m > bound_m {
