@@ -42,8 +42,8 @@ fn safety(criterion: &mut Criterion) {
     criterion.bench_function("control period with envelope", |bench| {
         bench.iter_batched(
             // Nobody drives blindly: a frame comes in between, and is not counted here.
-            || wrapped.borrow_mut().cameras().read("head").expect("a camera"),
-            |_| tick(&mut *wrapped.borrow_mut(), twist, &still),
+            || drop(wrapped.borrow_mut().cameras().read("head").expect("a camera")),
+            |()| tick(&mut *wrapped.borrow_mut(), twist, &still),
             BatchSize::NumIterations(40),
         );
     });
