@@ -374,7 +374,7 @@ impl Agent {
             None => self.empty_handed.clone(),
         };
         if let Some(safety) = self.robot.safety() {
-            safety.note_held(self.held.clone());
+            safety.note_held(self.held);
         }
     }
 
