@@ -4,5 +4,7 @@
 mod cases;
 mod commands;
 mod hostile;
+
 pub(super) mod house;
+mod plugged;
 mod robustness;
