@@ -3,6 +3,7 @@
 //! A detector gives masks and names; encoders and a describer turn a masked view into features and attributes.
 //! The embedded ones work from pixels, points and a knowledge table; learned ones plug in behind the same traits.
 
+mod annotate;
 mod color;
 mod describer;
 mod segment;
@@ -11,6 +12,7 @@ mod texture;
 mod tone;
 mod visual;
 
+pub use annotate::{Annotation, Annotator, Remark, RemarkedRelation, Sighting};
 pub use color::{ColorName, ColorTable};
 pub use describer::KnowledgeDescriber;
 pub use segment::{PixelSegmenter, UNNAMED};

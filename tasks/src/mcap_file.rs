@@ -1,4 +1,4 @@
-//! MCAP files: for viewers, and recordings of runs ([`run_file`], [`read`]), which viewers open, too.
+//! MCAP files: for viewers, and recordings of runs (`run_file`, `read`), which viewers open, too.
 //!
 //! A file for viewers holds Foxglove's schemas (as JSON) of what a run sees and does. Where Foxglove has no schema the name begins with
 //! `dsm.`; viewers plot and list these as any message.

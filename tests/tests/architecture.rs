@@ -9,12 +9,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each crate's folder, its package, and the packages of ours that it may use.
-const CRATES: [(&str, &str, &[&str]); 6] = [
+const CRATES: [(&str, &str, &[&str]); 7] = [
     ("dsm", "dsm", &[]),
+    ("dsm/models", "dsm-models", &["dsm"]),
     ("robot", "dsm-robot", &["dsm"]),
     ("sim", "dsm-sim", &["dsm", "dsm-robot"]),
     ("sim/mujoco", "dsm-sim-mujoco", &["dsm", "dsm-robot", "dsm-sim"]),
-    ("tasks", "dsm-tasks", &["dsm", "dsm-robot", "dsm-sim", "dsm-sim-mujoco"]),
+    ("tasks", "dsm-tasks", &["dsm", "dsm-models", "dsm-robot", "dsm-sim", "dsm-sim-mujoco"]),
     ("tests", "scenarios", &["dsm", "dsm-robot", "dsm-sim", "dsm-tasks"]),
 ];
 
@@ -108,6 +109,8 @@ fn foreign_libraries_stay_behind_their_fences() {
         find(&sources, &["ureq", "reqwest", "ort", "rten"], within("dsm/models/")),
         "models only in dsm/models",
     );
+    let client = find(&sources, &["ureq"], |path| path == "dsm/models/src/http.rs");
+    assert_none(client, "the HTTP client stands in one file");
     assert_none(find(&sources, &["ros2_client", "rustdds"], within("robot/ros2/")), "ROS 2 only in robot/ros2");
     let viewers = ["mcap::", "re_build_info", "re_chunk", "re_log_encoding", "re_log_types", "re_sdk_types"];
     let files = |path: &str| path.starts_with("tasks/src/mcap_file") || path.ends_with("/rerun_file.rs");
@@ -119,14 +122,28 @@ fn foreign_libraries_stay_behind_their_fences() {
 }
 
 #[test]
+fn the_default_build_has_no_model_and_no_client() {
+    let table = |path: &str| -> toml::Table { fs::read_to_string(root().join(path)).unwrap().parse().unwrap() };
+    let workspace = table("Cargo.toml");
+    let members = workspace["workspace"]["default-members"].as_array().unwrap();
+    assert!(!members.iter().any(|member| member.as_str() == Some("dsm/models")));
+    let tasks = table("tasks/Cargo.toml");
+    assert_eq!(tasks["dependencies"]["dsm-models"]["optional"].as_bool(), Some(true));
+    assert!(tasks["features"].get("default").is_none(), "features are chosen by who builds");
+}
+
+#[test]
 fn logic_has_no_wall_clock_no_sleep_and_no_random_order() {
     let sources = sources();
     // Programs that measure time are no logic; the command line writes timing.json.
-    let edge =
-        |path: &str| path.starts_with("tasks/src/cli/") || path.contains("/examples/") || path.contains("/benches/");
+    // A model's server lives in wall time: one file of `dsm/models` reads it, and pauses between requests.
+    let wall = |path: &str| path == "dsm/models/src/wall.rs";
+    let edge = |path: &str| {
+        path.starts_with("tasks/src/cli/") || path.contains("/examples/") || path.contains("/benches/") || wall(path)
+    };
     let clock = ["Instant::now", "SystemTime::now", "std::time::Instant", "std::time::SystemTime"];
     assert_none(find(&sources, &clock, edge), "wall time only at the edge");
-    assert_none(find(&sources, &["thread::sleep"], |_| false), "only the clock lets time pass");
+    assert_none(find(&sources, &["thread::sleep"], wall), "only the clock lets time pass");
     assert_none(find(&sources, &["HashMap", "HashSet"], |path| path.contains("/examples/")), "no random order");
     assert_none(
         find(&sources, &["thread_rng", "from_entropy", "from_os_rng", "rand::rng"], |_| false),

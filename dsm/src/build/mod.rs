@@ -21,6 +21,7 @@ mod division;
 mod draft;
 mod drift;
 mod floor;
+mod late;
 mod memory;
 mod merge;
 mod merged_mask;
@@ -51,6 +52,7 @@ use crate::perceive::{
 };
 use draft::Draft;
 use drift::Drift;
+use late::Late;
 use nalgebra::{Point2, Point3, Vector3};
 use observation::{Encoders, Observation, find_observation};
 use occupancy::Occupancy;
@@ -82,6 +84,7 @@ pub struct MapBuilder {
     drift: Drift,
     occupancy: Occupancy,
     rooms: RoomSegmenter,
+    late: Late,
     next_id: u64,
     associations: Vec<(usize, ObjectId)>,
 }
@@ -111,6 +114,7 @@ impl MapBuilder {
             drift: Drift::default(),
             occupancy: Occupancy::default(),
             rooms: RoomSegmenter::default(),
+            late: Late::default(),
             next_id: 0,
             associations: Vec::new(),
         }
@@ -178,12 +182,13 @@ impl MapBuilder {
         ended(Stage::Occupancy);
         let rooms = self.divide_rooms(map, &mut draft, frame, cells.as_ref());
         ended(Stage::Rooms);
-        let relations = relations::relate(&self.config, &self.knowledge, &draft, &mut self.tracks);
+        let relations = relations::relate(&self.config, &self.knowledge, &draft, &mut self.tracks, &self.late);
         ended(Stage::Relations);
         let mut changes = draft.into_changes();
         changes.extend(relations);
         changes.extend(cells);
         changes.extend(rooms.map(MapChange::Rooms));
+        self.late.follow(&changes);
         MapUpdate { stamp: frame.stamp, changes }
     }
 

@@ -2,6 +2,7 @@
 
 use super::config::BuildConfig;
 use super::draft::Draft;
+use super::late::{self, Late};
 use super::tracks::Tracks;
 use crate::geometry::{distance_m, intersection_area_m2};
 use crate::knowledge::Knowledge;
@@ -33,6 +34,7 @@ pub(super) fn relate(
     knowledge: &Knowledge,
     draft: &Draft,
     tracks: &mut Tracks,
+    late: &Late,
 ) -> Option<MapChange> {
     let mut changed = Vec::new();
     for id in draft.edited() {
@@ -83,8 +85,10 @@ pub(super) fn relate(
         }
         keep_nearest(near, &mut relations);
     }
-    relations.sort_by_key(|r| (r.from, r.to, r.kind));
-    Some(MapChange::Relate { about: about.into_iter().collect(), relations })
+    let about: Vec<ObjectId> = about.into_iter().collect();
+    let held = |id: ObjectId| draft.find(id).filter(|object| object.state == ObjectState::Stable);
+    late::join(&mut relations, late.relations_from(&about, held));
+    Some(MapChange::Relate { about, relations })
 }
 
 /// All relations between objects whose boxes and upward faces (heights in metres) are known: the definitions of

@@ -54,7 +54,7 @@ fn suggestion(nearest: &Option<String>) -> String {
 /// Chooses a class for an object of the map.
 pub trait Labeller {
     /// What it is called in a report.
-    fn name(&self) -> &'static str;
+    fn name(&self) -> &str;
 
     /// The place among `classes` of the one that the object is. `sentence` is the paper's description of it.
     ///
@@ -108,7 +108,7 @@ impl EmbeddedLabeller {
 }
 
 impl Labeller for EmbeddedLabeller {
-    fn name(&self) -> &'static str {
+    fn name(&self) -> &str {
         "embedded"
     }
 
@@ -160,7 +160,7 @@ impl AnsweredLabeller {
 }
 
 impl Labeller for AnsweredLabeller {
-    fn name(&self) -> &'static str {
+    fn name(&self) -> &str {
         "answers"
     }
 

@@ -1,6 +1,8 @@
 //! The answer of a grounding.
 
+use super::backend::Spoken;
 use super::query::Query;
+use super::verify::EMBEDDED;
 use crate::map::{ObjectId, RoomId};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -63,15 +65,18 @@ pub struct Grounding {
     pub decided_by: String,
     /// The frame of view-dependent words.
     pub frame: ReferenceFrame,
-    /// Who verified the candidates.
+    /// Who answered: `embedded`, or the plugged-in backend that spoke last.
     pub backend: String,
+    /// Who spoke at the stages for which a backend is plugged in, and why where it was not that backend.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub spoken: Vec<Spoken>,
     /// What was understood; `None` when unparsed.
     pub query: Option<Query>,
 }
 
 impl Grounding {
     /// The answer to words that name nothing.
-    pub(super) fn unparsed(reason: impl Into<String>, backend: &str) -> Self {
+    pub(super) fn unparsed(reason: impl Into<String>) -> Self {
         Self {
             status: GroundingStatus::Unparsed,
             object_id: None,
@@ -80,8 +85,18 @@ impl Grounding {
             candidates: Vec::new(),
             decided_by: reason.into(),
             frame: ReferenceFrame::None,
-            backend: backend.to_owned(),
+            backend: EMBEDDED.to_owned(),
+            spoken: Vec::new(),
             query: None,
         }
+    }
+
+    /// The same answer with who spoke.
+    pub(super) fn told_by(mut self, spoken: Vec<Spoken>) -> Self {
+        if let Some(last) = spoken.iter().rev().find(|spoken| spoken.reason.is_none()) {
+            self.backend = last.backend.clone();
+        }
+        self.spoken = spoken;
+        self
     }
 }

@@ -5,7 +5,7 @@ use super::config::GroundConfig;
 use super::filter::Evaluation;
 use super::query::Query;
 use super::rooms::RoomFactor;
-use super::verify::Verdict;
+use super::verify::{EMBEDDED, Verdict};
 use crate::map::{ObjectId, RoomId};
 
 /// Least score of an attribute that the views show.
@@ -47,6 +47,12 @@ impl Choice {
         }
         self.score *= verdict.factor;
         self.constraints.push((verdict.reason, verdict.factor));
+    }
+
+    /// Adds what a plugged-in backend said.
+    pub(super) fn apply_factor(&mut self, label: String, factor: f32) {
+        self.score *= factor;
+        self.constraints.push((label, factor));
     }
 
     fn worst(&self) -> Option<&(String, f32)> {
@@ -155,7 +161,6 @@ pub(super) fn grounding(
     choices: Vec<Choice>,
     identity: impl Fn(&Choice) -> (Option<ObjectId>, Option<RoomId>),
     frame: ReferenceFrame,
-    backend: &str,
     query: Query,
 ) -> Grounding {
     let answered = settled.status != GroundingStatus::Absent;
@@ -174,7 +179,8 @@ pub(super) fn grounding(
         candidates: choices.iter().map(candidate).collect(),
         decided_by: settled.decided_by,
         frame,
-        backend: backend.to_owned(),
+        backend: EMBEDDED.to_owned(),
+        spoken: Vec::new(),
         query: Some(query),
     }
 }

@@ -1,34 +1,38 @@
 //! The loop of grounding.
 
 use super::answer::{Grounding, ReferenceFrame};
+use super::backend::Spoken;
 use super::command::without_verb;
 use super::config::{GroundConfig, GroundConfigError};
 use super::decide::{self, Choice};
 use super::filter::{self, Context};
 use super::noun::Names;
-use super::parse::{Attachment, parse_query};
 use super::query::{Entity, Noun, Query, Viewpoint};
+use super::reader::{EmbeddedReader, QueryReader, QueryText};
 use super::referring::{Features, RankingWeights, features_of, find_mentions};
 use super::retrieve;
 use super::rooms;
 use super::scene::Scene;
-use super::verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
-use super::views::CandidateViews;
+use super::scorer::RelationScorer;
+use super::verify::{EmbeddedVerifier, Verifier};
 use super::words::tokens_of;
 use super::{Article, GroundingStatus};
 use crate::Pose;
 use crate::knowledge::Knowledge;
 use crate::map::{Map, ObjectId};
-use crate::raster::Renderer;
 use nalgebra::Vector2;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Grounds referring expressions in a map.
 pub struct Grounder {
-    config: GroundConfig,
-    knowledge: Arc<Knowledge>,
-    verifier: Box<dyn Verifier>,
+    pub(super) config: GroundConfig,
+    pub(super) knowledge: Arc<Knowledge>,
+    pub(super) embedded_reader: EmbeddedReader,
+    pub(super) embedded_verifier: EmbeddedVerifier,
+    pub(super) reader: Option<Box<dyn QueryReader>>,
+    pub(super) scorer: Option<Box<dyn RelationScorer>>,
+    pub(super) verifier: Option<Box<dyn Verifier>>,
     weights: RankingWeights,
 }
 
@@ -42,20 +46,54 @@ pub struct Ranking {
 }
 
 impl Grounder {
-    /// A grounder with the embedded verifier.
+    /// A grounder with the embedded reader and the embedded verifier.
     ///
     /// # Errors
     /// A parameter outside its range.
     pub fn new(config: GroundConfig, knowledge: Arc<Knowledge>) -> Result<Self, GroundConfigError> {
         config.validate()?;
-        let verifier = Box::new(EmbeddedVerifier::new(Arc::clone(&knowledge)));
-        Ok(Self { config, knowledge, verifier, weights: RankingWeights::fitted() })
+        Ok(Self {
+            config,
+            embedded_reader: EmbeddedReader::new(Arc::clone(&knowledge)),
+            embedded_verifier: EmbeddedVerifier::new(Arc::clone(&knowledge)),
+            knowledge,
+            reader: None,
+            scorer: None,
+            verifier: None,
+            weights: RankingWeights::fitted(),
+        })
     }
 
-    /// Replaces the verifier, for example by one that asks a vision-language model.
-    pub fn with_verifier(mut self, verifier: Box<dyn Verifier>) -> Self {
-        self.verifier = verifier;
+    /// Reads words by a plugged-in backend; the grammar reads what it leaves.
+    pub fn with_reader(mut self, reader: Box<dyn QueryReader>) -> Self {
+        self.reader = Some(reader);
         self
+    }
+
+    /// Has the relations of the best candidates scored by a plugged-in backend as well.
+    pub fn with_scorer(mut self, scorer: Box<dyn RelationScorer>) -> Self {
+        self.scorer = Some(scorer);
+        self
+    }
+
+    /// Verifies candidates by a plugged-in backend; the embedded verifier looks where it does not.
+    pub fn with_verifier(mut self, verifier: Box<dyn Verifier>) -> Self {
+        self.verifier = Some(verifier);
+        self
+    }
+
+    /// The same grounder by the embedded parts alone, for questions that come with every frame.
+    pub fn without_backends(&self) -> Self {
+        Self {
+            config: self.config.clone(),
+            embedded_reader: self.embedded_reader.clone(),
+            embedded_verifier: self.embedded_verifier.clone(),
+            knowledge: Arc::clone(&self.knowledge),
+            reader: None,
+            scorer: None,
+            verifier: None,
+            weights: self.weights.clone(),
+        }
     }
 
     /// Replaces the weights of evidence, which count where the thing that is meant is known to be there.
@@ -83,36 +121,37 @@ impl Grounder {
         let words = without_verb(&tokens);
         let scene = Scene::new(map, &self.knowledge, world_from_viewer).with_fronts(fronts);
         let names = Names::of(scene.names.winning(), self.config.presume_present);
+        let said = QueryText { text, words, names: &names };
         if self.config.presume_present && !words.is_empty() {
-            return self.ground_present(scene, words, &names);
+            return self.ground_present(scene, said);
         }
-        let Some(near) = parse_query(words, &self.knowledge, &names, Attachment::Nearest) else {
+        let (readings, mut spoken) = self.read(&said);
+        let mut readings = readings.into_iter();
+        let Some(first) = readings.next() else {
             let reason = if tokens.is_empty() { "there are no words" } else { "no thing or room is named" };
-            return Grounding::unparsed(reason, self.verifier.name());
+            return Grounding::unparsed(reason).told_by(spoken);
         };
-        let answer = self.answer(&scene, near.clone());
-        if answer.status == GroundingStatus::Found {
-            return answer;
-        }
-        // "the cup on the table next to the window": when the table's window decides nothing, it may be the cup's.
-        match parse_query(words, &self.knowledge, &names, Attachment::Target).filter(|target| *target != near) {
-            Some(target) => {
-                Some(self.answer(&scene, target)).filter(|a| a.status == GroundingStatus::Found).unwrap_or(answer)
-            }
-            None => answer,
-        }
+        let answer = self.answer(&scene, text, first);
+        // Another reading counts only where the likeliest decides nothing.
+        let other = if answer.status == GroundingStatus::Found { None } else { readings.next() };
+        let other = other.map(|query| self.answer(&scene, text, query));
+        let answer = other.filter(|other| other.status == GroundingStatus::Found).unwrap_or(answer);
+        spoken.extend(answer.spoken.iter().cloned());
+        answer.told_by(spoken)
     }
 
     /// As [`ground_with_fronts`](Self::ground_with_fronts), where the thing that is meant is known to be there.
-    fn ground_present(&self, scene: Scene<'_>, words: &[String], names: &Names) -> Grounding {
-        let (scene, query) = self.understand(scene, words, names);
+    fn ground_present(&self, scene: Scene<'_>, said: QueryText<'_>) -> Grounding {
+        let (scene, query, mut spoken) = self.understand(scene, said);
         let context = Context { scene: &scene, knowledge: &self.knowledge, config: &self.config };
-        let (mut evaluation, features) = self.weigh(context, &query, words);
+        let (mut evaluation, features) = self.weigh(context, &query, said.words);
         evaluation.total.fill(0.0);
         for (item, share) in features.items.iter().zip(self.weights.rank(&features)) {
             evaluation.total[*item] = share;
         }
-        self.decide(&scene, query, evaluation)
+        let answer = self.decide(&scene, said.text, query, evaluation);
+        spoken.extend(answer.spoken.iter().cloned());
+        answer.told_by(spoken)
     }
 
     /// The evidence for each candidate of a text, before it is weighed; for fitting the weights.
@@ -121,7 +160,7 @@ impl Grounder {
         let words = without_verb(&tokens);
         let scene = Scene::new(map, &self.knowledge, None).with_fronts(fronts);
         let names = Names::of(scene.names.winning(), true);
-        let (scene, query) = self.understand(scene, words, &names);
+        let (scene, query, _) = self.understand(scene, QueryText { text, words, names: &names });
         let context = Context { scene: &scene, knowledge: &self.knowledge, config: &self.config };
         let (_, features) = self.weigh(context, &query, words);
         Ranking {
@@ -131,13 +170,14 @@ impl Grounder {
     }
 
     /// The query, and the scene as seen from where the words place the viewer.
-    fn understand<'a>(&self, scene: Scene<'a>, words: &[String], names: &Names) -> (Scene<'a>, Query) {
+    fn understand<'a>(&self, scene: Scene<'a>, said: QueryText<'_>) -> (Scene<'a>, Query, Vec<Spoken>) {
         let anything = || Query { target: Entity::named(Noun::Anything), viewpoint: None };
-        let query = parse_query(words, &self.knowledge, names, Attachment::Nearest).unwrap_or_else(anything);
-        let query = self.with_known_noun(&scene, query, words, names);
+        let (readings, spoken) = self.read(&said);
+        let query = readings.into_iter().next().unwrap_or_else(anything);
+        let query = self.with_known_noun(&scene, query, said.words, said.names);
         match self.faced(&scene, &query) {
-            Some(forward) => (scene.facing(forward), query),
-            None => (scene, query),
+            Some(forward) => (scene.facing(forward), query, spoken),
+            None => (scene, query, spoken),
         }
     }
 
@@ -201,51 +241,32 @@ impl Grounder {
         (forward.norm() > 0.3).then(|| forward.normalize())
     }
 
-    fn answer(&self, scene: &Scene<'_>, query: Query) -> Grounding {
+    fn answer(&self, scene: &Scene<'_>, text: &str, query: Query) -> Grounding {
         let context = Context { scene, knowledge: &self.knowledge, config: &self.config };
         if matches!(query.target.noun, Noun::Room(_)) {
             return self.answer_room(context, query);
         }
         // Stages 1 and 2: retrieval and the relation filter.
         let evaluation = filter::evaluate(context, &query.target);
-        self.decide(scene, query, evaluation)
+        self.decide(scene, text, query, evaluation)
     }
 
-    fn decide(&self, scene: &Scene<'_>, query: Query, evaluation: filter::Evaluation) -> Grounding {
+    fn decide(&self, scene: &Scene<'_>, text: &str, query: Query, evaluation: filter::Evaluation) -> Grounding {
         let mut choices = decide::best_choices(&evaluation, self.config.top_k);
         let all: Vec<usize> = choices.iter().map(|choice| choice.index).collect();
         choices.retain(|choice| !all.iter().any(|other| scene.is_double(choice.index, *other, &self.knowledge)));
+        let mut spoken = Vec::new();
+        spoken.extend(self.score_relations(scene, text, &query, &mut choices));
         // Stage 3: verification of the top k in views.
-        if self.config.verify && self.verifier.wants_views(&query) {
-            self.verify(scene, &query, &mut choices);
+        if self.config.verify {
+            spoken.extend(self.verify(scene, text, &query, &mut choices));
         }
         let settled = decide::settle(&choices, query.target.article == Article::Indefinite, &self.config, |choice| {
             let (eye, _) = scene.standpoint();
             (scene.items[choice.index].bounds.center().xy() - eye).norm()
         });
         let object_of = |choice: &Choice| (Some(scene.items[choice.index].object.id), None);
-        decide::grounding(settled, choices, object_of, evaluation.frame, self.verifier.name(), query)
-    }
-
-    fn verify(&self, scene: &Scene<'_>, query: &Query, choices: &mut [Choice]) {
-        let mut renderer = Renderer::default();
-        let levels = self.verifier.levels();
-        let best = choices.first().map_or(0.0, |choice| choice.score);
-        let in_reach = |score: f32| score >= self.verifier.least_factor() * best;
-        for choice in choices.iter_mut().take(self.config.top_k).filter(|choice| in_reach(choice.score)) {
-            let candidate = scene.items[choice.index].object;
-            let anchors = choice.anchors.iter().map(|&anchor| scene.items[anchor].object).collect::<Vec<_>>();
-            let verdict = match CandidateViews::render_levels(scene.map, candidate, &anchors, levels, &mut renderer) {
-                Some(views) => self.verifier.verify(Evidence { query, candidate, anchors: &anchors, views: &views }),
-                None => Verdict {
-                    factor: 1.0,
-                    reason: "in views: the map has no points of it".to_owned(),
-                    shown: Vec::new(),
-                },
-            };
-            choice.apply_verdict(verdict);
-        }
-        decide::sort(choices);
+        decide::grounding(settled, choices, object_of, evaluation.frame, query).told_by(spoken)
     }
 
     fn answer_room(&self, context: Context<'_, '_>, query: Query) -> Grounding {
@@ -258,7 +279,7 @@ impl Grounder {
             (rooms[choice.index].center - context.scene.standpoint().0).norm()
         });
         let room_of = |choice: &Choice| (None, Some(rooms[choice.index].id));
-        decide::grounding(settled, choices, room_of, frame, self.verifier.name(), query)
+        decide::grounding(settled, choices, room_of, frame, query)
     }
 }
 

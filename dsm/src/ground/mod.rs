@@ -23,6 +23,7 @@
 
 mod anchors;
 mod answer;
+mod backend;
 mod bounds;
 mod clauses;
 mod color;
@@ -32,6 +33,7 @@ mod config;
 mod constraint;
 mod decide;
 mod filter;
+mod founded;
 mod grounder;
 mod lexicon;
 mod likeness;
@@ -39,12 +41,15 @@ mod modifiers;
 mod noun;
 mod parse;
 mod part;
+mod plugged;
 mod query;
+mod reader;
 mod referring;
 mod relate;
 mod retrieve;
 mod rooms;
 mod scene;
+mod scorer;
 mod select;
 mod sequence;
 mod spoken_names;
@@ -58,6 +63,7 @@ mod words;
 mod tests;
 
 pub use answer::{Candidate, Grounding, GroundingStatus, ReferenceFrame};
+pub use backend::{BackendError, GroundingStage, LEAST_FACTOR, Spoken};
 pub use command::{Action, Command, Unparsed, parse_command};
 pub use config::{GroundConfig, GroundConfigError};
 pub use grounder::{Grounder, Ranking};
@@ -65,7 +71,9 @@ pub use part::{Part, PartKind, PartPlace};
 pub use query::{
     Article, AttributeTerm, AttributeWord, Entity, Noun, Order, Query, RelationTerm, RelationWord, Selection, Viewpoint,
 };
+pub use reader::{EmbeddedReader, QueryReader, QueryText};
 pub use referring::RankingWeights;
+pub use scorer::{RelatedCandidate, RelationScorer};
 pub use sequence::split_sequence;
 pub use verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
 pub use views::{CandidateViews, Levels};

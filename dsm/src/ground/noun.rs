@@ -42,6 +42,11 @@ impl Names {
         self.known.contains(phrase) || singular_of(phrase).iter().any(|singular| self.known.contains(singular))
     }
 
+    /// The names, in alphabetical order.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &str> {
+        self.known.iter().map(String::as_str)
+    }
+
     /// The shortest name that holds all words of a phrase: "bathroom stall door" for "stall door".
     pub(super) fn find_fuller(&self, phrase: &str) -> Option<&str> {
         let holds = |name: &&String| {

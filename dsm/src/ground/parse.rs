@@ -24,9 +24,9 @@ pub(super) enum Attachment {
 }
 
 /// Deepest nesting of anchors; deeper ones are cut off.
-const MAX_DEPTH: usize = 5;
+pub(super) const MAX_DEPTH: usize = 5;
 /// Most entities in one query; further words are ignored.
-const MAX_ENTITIES: usize = 16;
+pub(super) const MAX_ENTITIES: usize = 16;
 
 /// Parses a noun phrase with all its modifiers; `None` when it names nothing at all.
 pub(super) fn parse_query(

@@ -1,11 +1,15 @@
 //! Stage 3, multi-level verification: the last look at the few best candidates.
 
+use super::backend::BackendError;
 use super::color;
 use super::query::{AttributeWord, Query};
 use super::views::{CandidateViews, Levels};
 use crate::knowledge::Knowledge;
 use crate::map::MapObject;
 use std::sync::Arc;
+
+/// Name of the backends that need no model.
+pub(super) const EMBEDDED: &str = "embedded";
 
 /// What a verifier says of one candidate.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,14 +18,17 @@ pub struct Verdict {
     pub factor: f32,
     /// What was seen, in words.
     pub reason: String,
-    /// Attribute words of the target that the views show, whatever the map's votes say.
+    /// Attribute words of the target that the views show, whatever the map's votes say. Of a plugged-in verifier they do
+    /// not count: it can doubt what the map finds, not overrule it.
     pub shown: Vec<String>,
 }
 
 /// All that a verifier gets: the pictures, the profile and the query.
 #[derive(Clone, Copy)]
 pub struct Evidence<'a> {
-    /// What was asked.
+    /// What was asked, as it was said.
+    pub text: &'a str,
+    /// What was understood.
     pub query: &'a Query,
     /// The candidate with its attributes.
     pub candidate: &'a MapObject,
@@ -31,7 +38,7 @@ pub struct Evidence<'a> {
     pub views: &'a CandidateViews,
 }
 
-/// Looks at a candidate and says whether it fits the query.
+/// Looks at candidates and says whether they fit the query.
 pub trait Verifier: Send + Sync {
     /// Name for reports.
     fn name(&self) -> &str;
@@ -50,8 +57,16 @@ pub trait Verifier: Send + Sync {
         0.0
     }
 
-    /// Judges one candidate.
-    fn verify(&self, evidence: Evidence<'_>) -> Verdict;
+    /// Least number of candidates that are worth a look. Default 1.
+    fn least_candidates(&self) -> usize {
+        1
+    }
+
+    /// Judges the candidates, one verdict each, in their order.
+    ///
+    /// # Errors
+    /// [`BackendError::Backend`] when a plugged-in backend gives no answer; the embedded verifier then looks instead.
+    fn verify(&self, candidates: &[Evidence<'_>]) -> Result<Vec<Verdict>, BackendError>;
 }
 
 /// Checks colours and visibility in the views, without a model.
@@ -94,27 +109,9 @@ impl EmbeddedVerifier {
         }
         (all >= SEEN_PIXELS).then(|| fitting as f32 / all as f32)
     }
-}
 
-impl Verifier for EmbeddedVerifier {
-    fn name(&self) -> &str {
-        "embedded"
-    }
-
-    fn wants_views(&self, query: &Query) -> bool {
-        let colored = query.target.attributes.iter().any(|term| term.kind == AttributeWord::Color);
-        colored || !query.target.relations.is_empty()
-    }
-
-    fn levels(&self) -> Levels {
-        Levels::Near
-    }
-
-    fn least_factor(&self) -> f32 {
-        LEAST
-    }
-
-    fn verify(&self, evidence: Evidence<'_>) -> Verdict {
+    /// Judges one candidate.
+    pub(super) fn judge(&self, evidence: Evidence<'_>) -> Verdict {
         let Evidence { query, anchors, views, .. } = evidence;
         let mut factor = 1.0;
         let (mut seen, mut shown) = (Vec::new(), Vec::new());
@@ -138,5 +135,28 @@ impl Verifier for EmbeddedVerifier {
             seen.push("the views tell nothing".to_owned());
         }
         Verdict { factor: factor.max(LEAST), reason: format!("in views: {}", seen.join(", ")), shown }
+    }
+}
+
+impl Verifier for EmbeddedVerifier {
+    fn name(&self) -> &str {
+        EMBEDDED
+    }
+
+    fn wants_views(&self, query: &Query) -> bool {
+        let colored = query.target.attributes.iter().any(|term| term.kind == AttributeWord::Color);
+        colored || !query.target.relations.is_empty()
+    }
+
+    fn levels(&self) -> Levels {
+        Levels::Near
+    }
+
+    fn least_factor(&self) -> f32 {
+        LEAST
+    }
+
+    fn verify(&self, candidates: &[Evidence<'_>]) -> Result<Vec<Verdict>, BackendError> {
+        Ok(candidates.iter().map(|evidence| self.judge(*evidence)).collect())
     }
 }

@@ -5,5 +5,7 @@ mod cases;
 mod commands;
 mod drawers;
 mod hostile;
+
 pub(super) mod house;
+mod plugged;
 mod robustness;
