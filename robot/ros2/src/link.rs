@@ -155,6 +155,7 @@ impl<I: Send + 'static> LinkBuilder<I> {
             node: self.node,
             domain: self.domain,
             inbox: self.inbox.1,
+            _open: self.inbox.0,
             taken: vec![0; self.heard.len()],
             heard: self.heard,
             spoken: self.spoken,
@@ -206,6 +207,8 @@ pub struct Link<I> {
     node: Node,
     domain: u16,
     inbox: Receiver<(usize, I)>,
+    /// Keeps the inbox open: without a listener waiting must last as well.
+    _open: Sender<(usize, I)>,
     heard: Vec<String>,
     /// Messages taken in, by listener.
     taken: Vec<u64>,
