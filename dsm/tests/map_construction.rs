@@ -5,7 +5,7 @@ mod world;
 
 use dsm::geometry::Aabb;
 use dsm::map::{AttributeKind, CellState, RelationKind};
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector3};
 use world::{Noise, Session, World};
 
 const RED: [u8; 3] = [200, 40, 40];
@@ -305,7 +305,7 @@ fn a_noisy_tour_finds_everything_once_with_its_relations_and_colours() {
 fn what_carries_the_camera_stays_out_of_the_map() {
     let world = table_with_mugs().with("mug", [0.9, 0.0, 1.0], [0.1, 0.1, 0.1], RED);
     let arm = dsm::geometry::OrientedBox::from(world.blocks.last().unwrap().bounds.grown(0.02));
-    let carrier = dsm::build::Carrier { bodies: vec![arm], footprint: Some((Point2::new(1.7, 0.0), 0.3)) };
+    let carrier = dsm::build::Carrier { bodies: vec![arm], footprint: Some((Point2::new(1.7, 0.0), 0.3)), ..Default::default() };
     let mut session = Session::new(Noise::default());
     for i in 0..5 {
         let pose = world::look_at([1.7, 0.0, 1.25], [0.0, 0.0, 0.7]);
@@ -317,4 +317,21 @@ fn what_carries_the_camera_stays_out_of_the_map() {
     assert!(!mugs.is_empty() && mugs.iter().all(|mug| mug.bounds.center.x < 0.5), "one is held by the carrier");
     assert_eq!(session.map.free_space.state_at(&Point2::new(1.7, 0.0)), CellState::Free);
     assert_ne!(session.map.free_space.state_at(&Point2::new(0.9, 0.0)), CellState::Occupied);
+}
+
+#[test]
+fn what_was_pushed_in_with_a_drawer_stays_in_the_map_inside() {
+    // A mug in an open drawer before the cabinet, then the drawer is pushed in and nobody sees the mug any more.
+    let cabinet =
+        World::default().with_room([-3.0, -3.0], [3.0, 3.0]).with("cabinet", [0.0, 0.0, 0.4], [0.9, 0.6, 0.8], WOOD);
+    let open = cabinet.clone().with("mug", [0.0, -0.5, 0.5], [0.08, 0.08, 0.1], RED);
+    let mut session = Session::new(Noise::default());
+    session.circle(&open, [0.0, -0.2, 0.5], 1.7, 1.25, 24);
+    let (mug, whole) = (session.named("mug")[0].id, session.named("cabinet")[0].id);
+    session.moved = vec![(mug, Vector3::new(0.0, 0.45, 0.0))];
+    session.circle(&cabinet, [0.0, -0.2, 0.5], 1.7, 1.25, 24);
+    let found = session.map.find_object(mug).expect("it cannot be seen, which is not to be gone");
+    assert!((found.bounds.center.y + 0.05).abs() < 0.05, "{:?}", found.bounds);
+    let inside = |r: &&dsm::map::Relation| r.from == mug && r.to == whole && r.kind == RelationKind::Inside;
+    assert!(session.map.relations.iter().any(|r| inside(&r)), "{:?}", session.map.relations);
 }

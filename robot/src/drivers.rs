@@ -1,15 +1,24 @@
 //! The traits behind which a robot stands: simulated, recorded or real.
 //!
 //! One [`Robot`] hands out its parts. Every command returns what was actually sent; reading never lets time pass.
+//!
+//! Each driver watches over itself: base and joints that hear nothing for [`DRIVER_TIMEOUT`] stop, so that a process that
+//! is dead, hangs or is cut off leaves a robot that stands. `dsm drivers check` holds a driver to this and to the rest of
+//! its contract ([`crate::conformance`]).
 
 use crate::joints::{JointPositions, JointVelocities};
+use crate::safety::Safety;
 use dsm::Pose;
 use dsm::frame::RgbdFrame;
-use dsm::time::Stamp;
+use dsm::time::{Span, Stamp};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+/// A driver whose base or joints hear nothing for this long stops them by itself.
+pub const DRIVER_TIMEOUT: Span = Span(500_000_000);
+
 /// Velocity of the base in its own frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Twist {
     /// Forward speed in metres per second.
     pub forward_m_per_s: f64,
@@ -29,7 +38,7 @@ pub struct JointState {
 }
 
 /// State of the gripper.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GripperState {
     /// When it was measured.
     pub stamp: Stamp,
@@ -42,7 +51,7 @@ pub struct GripperState {
 }
 
 /// A pose with the moment it holds for.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StampedPose {
     /// The moment.
     pub stamp: Stamp,
@@ -51,7 +60,7 @@ pub struct StampedPose {
 }
 
 /// Why a driver could not do what was asked.
-#[derive(Debug, Error, PartialEq)]
+#[derive(Clone, Debug, Error, PartialEq, Serialize, Deserialize)]
 pub enum DriverError {
     /// The emergency stop is latched.
     #[error("the emergency stop is latched: {reason}")]
@@ -101,7 +110,7 @@ pub trait Base: Send {
 
 /// A group of joints that follows velocities: the arm (with its lift) or the head.
 pub trait JointGroup: Send {
-    /// Commands velocities until the next command; returns what was sent.
+    /// Commands velocities until the next command; returns what was sent. Joints that hear nothing for 0.5 s stop.
     fn command(&mut self, velocities: &JointVelocities) -> Result<JointVelocities, DriverError>;
     /// The measured state.
     fn state(&mut self) -> Result<JointState, DriverError>;
@@ -167,4 +176,38 @@ pub trait Robot: Send {
     fn clock(&mut self) -> &mut dyn Clock;
     /// The emergency stop.
     fn emergency_stop(&mut self) -> &mut dyn EmergencyStop;
+    /// The safety envelope, when this robot has one around it.
+    fn safety(&mut self) -> Option<&mut dyn Safety> {
+        None
+    }
+}
+
+impl<R: Robot + ?Sized> Robot for Box<R> {
+    fn base(&mut self) -> &mut dyn Base {
+        (**self).base()
+    }
+    fn arm(&mut self) -> &mut dyn JointGroup {
+        (**self).arm()
+    }
+    fn gripper(&mut self) -> &mut dyn Gripper {
+        (**self).gripper()
+    }
+    fn head(&mut self) -> &mut dyn JointGroup {
+        (**self).head()
+    }
+    fn cameras(&mut self) -> &mut dyn Cameras {
+        (**self).cameras()
+    }
+    fn localisation(&mut self) -> &mut dyn Localisation {
+        (**self).localisation()
+    }
+    fn clock(&mut self) -> &mut dyn Clock {
+        (**self).clock()
+    }
+    fn emergency_stop(&mut self) -> &mut dyn EmergencyStop {
+        (**self).emergency_stop()
+    }
+    fn safety(&mut self) -> Option<&mut dyn Safety> {
+        (**self).safety()
+    }
 }

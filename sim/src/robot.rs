@@ -9,6 +9,7 @@
 //! read, from the poses at the moment of their capture.
 
 mod cameras;
+mod delay;
 mod localise;
 mod parts;
 
@@ -99,11 +100,12 @@ impl SimRobot {
         let steps_per_tick = (CONTROL_PERIOD.0 / step.0) as u32;
         let mut robot = Self {
             base: SimBase::new(model.settings.base.max_speed_m_per_s, model.settings.base.max_turn_rate_rad_per_s),
-            arm: SimGroup::new(&model.arm, physics.as_ref())?,
-            head: SimGroup::new(&model.head, physics.as_ref())?,
+            arm: SimGroup::new(&model.arm, model.settings.latency.joints_s, physics.as_ref())?,
+            head: SimGroup::new(&model.head, model.settings.latency.joints_s, physics.as_ref())?,
             gripper: SimGripper::new(model, physics.as_ref())?,
             cameras: SimCameras::new(model, physics.as_ref(), imager, localisation.seed)?,
-            localisation: SimLocalisation::new(localisation, physics.now(), physics.world_from_base()),
+            localisation: SimLocalisation::new(localisation, physics.now(), physics.world_from_base())
+                .heard_after(model.settings.latency.localisation_s),
             stop: SimStop::default(),
             steps_per_tick,
             steps_to_tick: steps_per_tick,
@@ -140,7 +142,7 @@ impl SimRobot {
         let twist = if stopped { Twist::default() } else { self.base.twist_at(now) };
         self.physics.command_base(scaled(twist, self.conditions.grip));
         for group in [&mut self.arm, &mut self.head] {
-            for (joint, velocity) in group.commands() {
+            for (joint, velocity) in group.commands_at(now) {
                 let velocity = if stopped { 0.0 } else { velocity };
                 self.physics.command_joint(joint, JointTarget::Velocity(velocity));
             }

@@ -6,11 +6,13 @@
 //!                                                                         └─truth (for the judge alone)
 //! ```
 
+mod ajar;
 pub(crate) mod imager;
 mod placement;
 mod solids;
 mod truth;
 
+pub use ajar::OpenPart;
 pub use placement::StartPose;
 pub(crate) use placement::{Mover, scene_bounds, stream};
 pub(crate) use solids::{Column, Solids};
@@ -73,6 +75,14 @@ pub enum WorldError {
     /// What is to disturb it cannot.
     #[error(transparent)]
     Disturbance(#[from] DisturbanceError),
+    /// A part that is to stand open is none.
+    #[error("`{part}` is no door or drawer with an end to its way; those of the scene: {}", known.join(", "))]
+    NoPart {
+        /// The body.
+        part: String,
+        /// Doors and drawers of the scene.
+        known: Vec<String>,
+    },
     /// No free place for the robot.
     #[error("scene `{scene}`: no free place for a robot of radius {radius_m} m in the start areas of semantics.toml")]
     NoStart {
@@ -119,6 +129,8 @@ pub struct WorldConfig {
     pub recorder: Option<Sender<Moment>>,
     /// What happens to the world while it runs; nothing by default.
     pub disturbances: Vec<Disturbance>,
+    /// Doors and drawers that stand open when it begins; none by default.
+    pub open: Vec<OpenPart>,
 }
 
 impl Default for WorldConfig {
@@ -131,6 +143,7 @@ impl Default for WorldConfig {
             label_ids: LabelIds::default(),
             recorder: None,
             disturbances: Vec::new(),
+            open: Vec::new(),
         }
     }
 }
@@ -166,6 +179,7 @@ impl World {
         let semantics = Semantics::load(&scene_file(scene), &model)?;
         let solids = Solids::new(&model)?;
         settle(&mut model, &semantics, &solids, &config)?;
+        ajar::stand_open(&mut model, &config.open)?;
         let base = &robot.settings.base;
         let size_m = (base.footprint_radius_m, base.height_m);
         let start = choose_start(&model, &semantics, &solids, size_m, &config)?;

@@ -7,7 +7,7 @@ use dsm::eval::Truth;
 use dsm_robot::model::RobotModel;
 use dsm_sim::camera::{CameraRig, LightDraw, label_of_body};
 use dsm_sim::scene::{HomeConfig, SceneModel, Semantics, generate_home, scene_file};
-use dsm_sim::world::{World, WorldConfig};
+use dsm_sim::world::{OpenPart, World, WorldConfig, WorldError};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
@@ -140,4 +140,37 @@ fn a_home_with_closed_doors_looks_as_if_they_were_held() {
         }
     }
     assert!(parts > 0, "furniture with doors is in view");
+}
+
+#[test]
+fn a_drawer_that_stands_open_at_the_start_holds_what_lies_in_it() {
+    // A tray that a runner carries, with a block on it.
+    let scene = r#"<mujoco><compiler angle="radian"/><worldbody><geom type="plane" size="0 0 1"/>
+  <body name="cabinet" pos="2 0 .2"><geom type="box" size=".3 .3 .1"/>
+    <body name="tray" pos="0 0 .11"><joint name="runner" type="slide" axis="-1 0 0" range="0 .4" frictionloss="5"/>
+      <geom type="box" size=".28 .28 .005" mass="2"/><geom type="box" size=".005 .28 .1" pos="-.28 0 .1" mass=".3"/></body></body>
+  <body name="block" pos="2 .1 .346"><freejoint/><geom type="box" size=".03 .03 .03" mass=".1"/></body>
+</worldbody></mujoco>"#;
+    let semantics = "version = 1\nname = \"t\"\n[start]\nareas = [{ x_m = 0, y_m = 0 }]\n[[object]]\nbody = \"block\"\n\
+         category = \"block\"\n[[object]]\nbody = \"cabinet\"\ncategory = \"cabinet\"\n";
+    let folder = write(semantics);
+    std::fs::write(folder.path().join("scene.xml"), scene).expect("written");
+    let robot = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../robot/models/porter");
+    let robot = Arc::new(RobotModel::load(&robot).expect("the robot loads"));
+    let load = |part: &str, share: f64| {
+        let open = vec![OpenPart { part: part.into(), share }];
+        World::load(folder.path(), robot.clone(), WorldConfig { open, ..WorldConfig::default() })
+    };
+    let first = |share: f64| load("tray", share).expect("valid").into_parts().truth.recv().expect("a sample");
+    let (closed, open) = (first(0.05), first(0.5));
+    assert!((open.parts[0].position - 0.2).abs() < 1e-9, "{}", open.parts[0].position);
+    let block = |truth: &Truth| {
+        let found = truth.objects.iter().find(|object| object.body == "block");
+        found.expect("a block").world_from_body.translation.vector
+    };
+    let by = block(&open) - block(&closed);
+    assert!((by - Vector3::new(-0.18, 0.0, 0.0)).norm() < 1e-6, "{by}");
+    let Err(WorldError::NoPart { part, known }) = load("lid", 0.5) else { panic!("there is no lid") };
+    assert_eq!((part.as_str(), known), ("lid", vec!["tray".to_owned()]));
+    assert!(OpenPart { part: "tray".into(), share: 1.5 }.find_flaw().is_some());
 }

@@ -95,6 +95,18 @@ fn a_base_that_hears_nothing_stops() {
 }
 
 #[test]
+fn joints_that_hear_nothing_stop() {
+    let mut robot = robot_in(&floor(), "carry", 0.08);
+    lift_command(&mut robot, 0.1);
+    robot.clock().wait_until(Stamp::from_s(0.4)).unwrap();
+    assert!(robot.arm().state().unwrap().velocities.values()[0] > 0.09);
+    robot.clock().wait_until(Stamp::from_s(2.0)).unwrap();
+    let state = robot.arm().state().unwrap();
+    assert!(state.velocities.values()[0].abs() < 1e-3, "{state:?}");
+    assert!((0.12..0.15).contains(&state.positions.values()[0]), "{state:?}");
+}
+
+#[test]
 fn the_emergency_stop_latches_until_reset() {
     let mut robot = robot_in(&floor(), "carry", 0.08);
     run(&mut robot, 1.0, |robot| {
@@ -152,8 +164,9 @@ fn drivers_alone_lift_and_hold_an_apple() {
     let apple = add_free(&mut scene, [0.519, 0.0, 0.598], 0.18, SceneShape::Sphere { radius_m: 0.035 }, 0.5);
     let mut robot = robot_in(&scene, "ready_down", 0.25);
     assert!((robot.gripper().state().unwrap().width_m - 0.13).abs() < 1e-3);
-    lift_command(&mut robot, -0.1);
-    run(&mut robot, 1.0, |_| {});
+    run(&mut robot, 1.0, |robot| {
+        lift_command(robot, -0.1);
+    });
     lift_command(&mut robot, 0.0);
     robot.gripper().command(0.0, 25.0).unwrap();
     run(&mut robot, 0.5, |_| {});
@@ -161,8 +174,9 @@ fn drivers_alone_lift_and_hold_an_apple() {
     run(&mut robot, 1.5, |_| {});
     let state = robot.gripper().state().unwrap();
     assert!(!state.moving && (state.width_m - 0.07).abs() < 0.004 && (state.force_n - 25.0).abs() < 1.0, "{state:?}");
-    lift_command(&mut robot, 0.1);
-    run(&mut robot, 1.5, |_| {});
+    run(&mut robot, 1.5, |robot| {
+        lift_command(robot, 0.1);
+    });
     lift_command(&mut robot, 0.0);
     run(&mut robot, 2.0, |_| {});
     assert!(robot.physics().world_from_body(apple).translation.z > 0.598 + 0.1);

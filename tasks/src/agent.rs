@@ -18,13 +18,14 @@ use crate::touch::{Motion, Touch};
 use dsm::Pose;
 use dsm::frame::RgbdFrame;
 use dsm::geometry::OrientedBox;
-use dsm::map::Map;
+use dsm::map::{Map, ObjectId};
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::{DriverError, JointState, Robot, Twist};
 use dsm_robot::joints::JointVelocities;
 use dsm_robot::model::{Configuration, RobotModel};
 use dsm_robot::nav::{LiveConfig, LiveObstacles};
-use nalgebra::Point2;
+use dsm_robot::safety::Cause;
+use nalgebra::{Point2, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -110,6 +111,8 @@ pub struct Agent {
     held: Option<OrientedBox>,
     /// Where the base was held up by something that the map does not show, world frame.
     pub bumps: Vec<Point2<f64>>,
+    /// Objects that were moved since the last frame, and by what, world frame: what lies in a drawer goes with it.
+    pub moved: Vec<(ObjectId, Vector3<f64>)>,
     /// What the cameras measured around the base a moment ago.
     pub live: LiveObstacles,
     frames: BTreeMap<String, Seen>,
@@ -117,12 +120,20 @@ pub struct Agent {
     touch: Touch,
     watch: PoseWatch,
     light: Light,
+    /// Why the envelope brakes, as far as it was noted.
+    braking: Option<Cause>,
+    /// Whether the envelope was told of people.
+    people: bool,
     /// What happened, for the report.
     pub journal: Journal,
 }
 
 fn scaled(twist: Twist, share: f64) -> Twist {
     Twist { forward_m_per_s: share * twist.forward_m_per_s, turn_rad_per_s: share * twist.turn_rad_per_s }
+}
+
+fn most(velocities: &JointVelocities) -> f64 {
+    velocities.values().iter().fold(0.0, |most, velocity| velocity.abs().max(most))
 }
 
 /// Is shown each frame.
@@ -167,12 +178,15 @@ impl Agent {
             grip: None,
             held: None,
             bumps: Vec::new(),
+            moved: Vec::new(),
             live: LiveObstacles::default(),
             frames: BTreeMap::new(),
             pace: Pace::default(),
             touch: Touch::default(),
             watch: PoseWatch::default(),
             light: Light::default(),
+            braking: None,
+            people: false,
             journal: Journal::default(),
         }
     }
@@ -209,6 +223,7 @@ impl Agent {
         let measured = Motion { base: self.robot.base().velocity()?, arm: self.robot.arm().state()?.velocities };
         self.touch.note(&Motion { base, arm }, &measured, self.config.period.as_s());
         self.watch_pose()?;
+        self.watch_safety();
         // Look.
         for i in 0..self.watched.len() {
             if let Some(frame) = self.robot.cameras().read(&self.watched[i])? {
@@ -220,6 +235,7 @@ impl Agent {
         while let Some(learned) = self.perception.find_learned(now)? {
             self.journal.note_learned(&learned);
             self.map = learned.map;
+            self.tell_of_people()?;
         }
         self.sample(now)
     }
@@ -357,6 +373,9 @@ impl Agent {
             Some(held) => Arc::new(self.empty_handed.holding(held)),
             None => self.empty_handed.clone(),
         };
+        if let Some(safety) = self.robot.safety() {
+            safety.note_held(self.held.clone());
+        }
     }
 
     /// What the hand holds, as a box in the tool frame.
@@ -413,18 +432,34 @@ impl Agent {
         tracing::debug!("{now_s:7.2} s  {}", what.as_ref());
     }
 
-    /// Stops the base and the arm, best effort, at the end of a run.
+    /// Brings everything to rest, best effort, at the end of a run.
     pub fn stop(&mut self) {
-        let still = JointVelocities::zeros(&self.model.arm.joints);
-        // The run is over whatever they answer; limits and time-outs stop a part that does not.
-        let _ = self.robot.base().command(Twist::default());
-        let _ = self.robot.arm().command(&still);
+        const PATIENCE_S: f64 = 3.0;
+        let still = [&self.model.arm, &self.model.head].map(|group| JointVelocities::zeros(&group.joints));
+        for _ in 0..(PATIENCE_S / self.config.period.as_s()) as usize {
+            // The run is over whatever they answer; the envelope and the drivers' watchdogs stop a part that does not.
+            let _ = self.robot.base().command(Twist::default());
+            let _ = self.robot.arm().command(&still[0]);
+            let _ = self.robot.head().command(&still[1]);
+            let next = self.now() + self.config.period;
+            if self.is_at_rest() || self.robot.clock().wait_until(next).is_err() {
+                return;
+            }
+        }
+    }
+
+    fn is_at_rest(&mut self) -> bool {
+        const RESTS: f64 = 0.02;
+        let base = self.robot.base().velocity().unwrap_or_default();
+        let arm = self.robot.arm().state().map_or(0.0, |state| most(&state.velocities));
+        base.forward_m_per_s.abs().max(base.turn_rad_per_s.abs()).max(arm) < RESTS
     }
 
     /// Ends perception and gives back the final map and the journal.
     pub fn finish(mut self) -> Result<(Arc<Map>, Journal), TaskError> {
         self.stop();
-        if let Some(learned) = self.perception.finish()? {
+        for learned in self.perception.finish()? {
+            self.journal.note_learned(&learned);
             self.map = learned.map;
         }
         Ok((self.map, self.journal))

@@ -10,8 +10,11 @@ use dsm::ground::{GroundConfig, Grounder};
 use dsm::knowledge::Knowledge;
 use dsm::perceive::{Detector, PixelSegmenter};
 use dsm_robot::drivers::Robot;
-use dsm_robot::limited::Limited;
+use dsm_robot::faults::Faulty;
 use dsm_robot::model::RobotModel;
+use dsm_robot::recorded::{RecordSink, Recording};
+use dsm_robot::safety::{Envelope, StopSwitch};
+use dsm_robot::timing::Synchronised;
 use dsm_sim::disturb::DisturbanceError;
 use dsm_sim::replay::{Moment, Replay};
 use dsm_sim::scene::summarise_notes;
@@ -46,6 +49,19 @@ pub fn assemble(spec: &RunSpec) -> Result<Assembled, TaskError> {
 
 /// As [`assemble`]; `recorder` gets what is needed to see each image again.
 pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<Assembled, TaskError> {
+    assemble_watched(spec, recorder, None)
+}
+
+/// As [`assemble`]; `sink` gets all that the drivers below the limits are asked and answer.
+pub fn assemble_recorded(spec: &RunSpec, sink: Option<Box<dyn RecordSink>>) -> Result<Assembled, TaskError> {
+    assemble_watched(spec, None, sink)
+}
+
+fn assemble_watched(
+    spec: &RunSpec,
+    recorder: Option<Sender<Moment>>,
+    sink: Option<Box<dyn RecordSink>>,
+) -> Result<Assembled, TaskError> {
     let (model, world) = load(spec, recorder)?;
     for note in summarise_notes(world.notes()) {
         tracing::warn!("{note}");
@@ -65,10 +81,36 @@ pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> R
     let radius_m = model.settings.base.footprint_radius_m;
     let judge = Judge::new(truth, spec.episode.expectations.clone(), bounds, radius_m, hand_of(&model));
     let parts = world.into_parts();
-    let robot: Box<dyn Robot> = Box::new(Limited::new(parts.robot, &model));
+    let driver = with_faults(parts.robot, spec);
+    let robot = match sink {
+        Some(sink) => enveloped(Recording::new(driver, &model, sink), &model, spec.stop.clone()),
+        None => enveloped(driver, &model, spec.stop.clone()),
+    };
     let detector: Box<dyn Detector> =
         if sees_pixels_alone(spec) { Box::new(PixelSegmenter) } else { Box::new(parts.detector) };
     Ok(Assembled { robot, model, detector, truth: parts.truth, judge, words: parts.words })
+}
+
+/// The robot as it breaks in this episode; it breaks within its envelope.
+fn with_faults(robot: impl Robot + 'static, spec: &RunSpec) -> Box<dyn Robot> {
+    let faults = &spec.episode.faults;
+    if faults.is_empty() { Box::new(robot) } else { Box::new(Faulty::new(robot, faults.clone(), spec.seed)) }
+}
+
+/// The robot of a run without its envelope, to check its drivers.
+pub fn bare_robot(spec: &RunSpec) -> Result<(Box<dyn Robot>, Arc<RobotModel>), TaskError> {
+    let (model, world) = load(spec, None)?;
+    Ok((with_faults(world.into_parts().robot, spec), model))
+}
+
+/// A driver within its safety envelope. Where `robot.toml` declares latencies its frames get the pose of their own moment.
+pub(crate) fn enveloped<R: Robot + 'static>(driver: R, model: &Arc<RobotModel>, stop: StopSwitch) -> Box<dyn Robot> {
+    if model.settings.has_latency() {
+        let driver = Synchronised::new(driver, model.clone());
+        Box::new(Envelope::new(driver, model).with_stop_switch(stop))
+    } else {
+        Box::new(Envelope::new(driver, model).with_stop_switch(stop))
+    }
 }
 
 /// Loads and checks all inputs of a run without beginning it.
@@ -84,12 +126,18 @@ fn load(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<(Arc<RobotMo
     let start = spec.episode.start.map(|s| StartPose { x_m: s.x_m, y_m: s.y_m, yaw_rad: s.yaw_rad });
     let engine = find_engine(&spec.physics)?;
     let disturbances = spec.episode.disturbances.clone();
-    let config = WorldConfig { seed: spec.seed, perception, start, engine, label_ids, recorder, disturbances };
+    let open = spec.episode.open.clone();
+    let config = WorldConfig { seed: spec.seed, perception, start, engine, label_ids, recorder, disturbances, open };
     let world = World::load(&spec.scene, model.clone(), config).map_err(|error| match error {
         WorldError::Disturbance(DisturbanceError::NoFreeBody { body: name, known, .. }) => {
             let nearest = dsm::config::find_nearest(&name, known.iter().map(String::as_str)).map(str::to_owned);
             let (path, line) = (spec.file.clone(), line_of_name(&spec.file, &name));
             TaskError::UnknownName { path, line, what: "free body", name, nearest, known }
+        }
+        WorldError::NoPart { part: name, known } => {
+            let nearest = dsm::config::find_nearest(&name, known.iter().map(String::as_str)).map(str::to_owned);
+            let (path, line) = (spec.file.clone(), line_of_name(&spec.file, &name));
+            TaskError::UnknownName { path, line, what: "door or drawer", name, nearest, known }
         }
         other => other.into(),
     })?;

@@ -2,7 +2,9 @@
 
 use crate::error::TaskError;
 use dsm::config::{ConfigError, line_of, parse_toml};
+use dsm_robot::faults::Fault;
 use dsm_sim::disturb::Disturbance;
+use dsm_sim::world::OpenPart;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -40,6 +42,12 @@ pub struct Episode {
     /// What happens to the world meanwhile. The robot learns of it by its senses alone.
     #[serde(default, rename = "disturb")]
     pub disturbances: Vec<Disturbance>,
+    /// Doors and drawers that stand open at the start.
+    #[serde(default)]
+    pub open: Vec<OpenPart>,
+    /// What breaks in the robot meanwhile: drivers, sensors, clock, connection. Its safety envelope has to find out.
+    #[serde(default, rename = "fault")]
+    pub faults: Vec<Fault>,
 }
 
 /// Start pose of the base in the world frame.
@@ -80,6 +88,8 @@ pub enum SkillName {
     Navigate,
     /// Drives to an object and lifts it.
     Grasp,
+    /// Turns the head from gaze to gaze and rests at each while all else stands still: `dsm calibrate` needs such a recording.
+    Wiggle,
 }
 
 /// What an expectation is about.
@@ -196,7 +206,7 @@ impl Episode {
         for (i, step) in self.steps.iter().enumerate() {
             let complete = match (&step.command, step.skill, &step.target) {
                 (Some(command), None, None) => !command.trim().is_empty(),
-                (None, Some(SkillName::Explore), None) => true,
+                (None, Some(SkillName::Explore | SkillName::Wiggle), None) => true,
                 (None, Some(SkillName::Navigate | SkillName::Grasp), Some(target)) => !target.trim().is_empty(),
                 _ => false,
             };
@@ -204,7 +214,7 @@ impl Episode {
                 return fail(
                     "[[step]]",
                     i,
-                    "either command = \"text\", or skill = explore | navigate | grasp with its target = \"text\""
+                    "either command = \"text\", or skill = explore | wiggle, or skill = navigate | grasp with its target = \"text\""
                         .into(),
                 );
             }
@@ -231,6 +241,16 @@ impl Episode {
         for (i, disturbance) in self.disturbances.iter().enumerate() {
             if let Some(expected) = disturbance.find_flaw() {
                 return fail("[[disturb]]", i, expected.into());
+            }
+        }
+        for (i, open) in self.open.iter().enumerate() {
+            if let Some(expected) = open.find_flaw() {
+                return fail("[[open]]", i, expected.into());
+            }
+        }
+        for (i, fault) in self.faults.iter().enumerate() {
+            if let Some(expected) = fault.find_flaw() {
+                return fail("[[fault]]", i, expected.into());
             }
         }
         Ok(())
@@ -294,6 +314,8 @@ impl Episode {
             steps: Vec::new(),
             expectations: Vec::new(),
             disturbances: Vec::new(),
+            open: Vec::new(),
+            faults: Vec::new(),
         }
     }
 

@@ -1,6 +1,9 @@
 //! From commands to skills: parse, search, ground, act; one account per step.
 
+mod every;
+mod furniture;
 mod sequence;
+mod taking;
 
 use crate::agent::{Agent, Halt};
 use crate::episode::{SkillName, Step};
@@ -8,19 +11,21 @@ use crate::skills::Outcome;
 use crate::skills::drive::{Drive, DriveOutcome};
 use crate::skills::explore::{ExploreOutcome, Explorer, Interest};
 use crate::skills::fallen::find_fallen;
-use crate::skills::grasp::{GraspSettings, grasp, grasp_standing_on};
-use crate::skills::held::{Held, Standing, carry, carrying};
+use crate::skills::grasp::GraspSettings;
+use crate::skills::held::{Held, carry, carrying};
 use crate::skills::navigate::{navigate_to_object, navigate_to_room, way_to};
-use crate::skills::open::open;
 use crate::skills::place::place;
 use crate::skills::retreat::retreat;
 use crate::skills::search::{Thoroughness, search};
+use crate::skills::wiggle::wiggle;
 use crate::summary::{EXPLORE, Failure, PartSummary, Stage, StepOutcome, StepSummary};
 use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, RelationWord, parse_command, split_sequence};
 use dsm::knowledge::Knowledge;
 use dsm::map::ObjectId;
 use dsm::time::{Span, Stamp};
 use dsm_robot::nav::{NavConfig, Pose2};
+use furniture::{Opened, Stowed};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Simulated time that is kept for acting when exploration could go on for ever.
@@ -40,6 +45,10 @@ pub struct Executor {
     knowledge: Arc<Knowledge>,
     explorer: Explorer,
     held: Option<Held>,
+    /// What was opened last and not closed since.
+    opened: Option<Opened>,
+    /// What lies in drawers that the robot closed.
+    stowed: BTreeMap<ObjectId, Stowed>,
     /// Of the sequence that is carried out.
     parts: Vec<PartSummary>,
     /// Time that is kept for what follows in the sequence.
@@ -56,6 +65,9 @@ pub struct Account {
     pub halt: Option<Halt>,
 }
 
+/// Why a room is not taken.
+const NO_ROOM: &str = "a room cannot be grasped";
+
 /// Name of the skill that puts things down.
 const PLACE: &str = "place";
 
@@ -71,7 +83,18 @@ impl Executor {
     /// An executor that has been nowhere.
     pub fn new(nav: NavConfig, grasping: GraspSettings, grounder: Arc<Grounder>, knowledge: Arc<Knowledge>) -> Self {
         let explorer = Explorer::new(nav.clone());
-        Self { nav, grasping, grounder, knowledge, explorer, held: None, parts: Vec::new(), kept_for_parts: Span(0) }
+        Self {
+            nav,
+            grasping,
+            grounder,
+            knowledge,
+            explorer,
+            held: None,
+            opened: None,
+            stowed: BTreeMap::new(),
+            parts: Vec::new(),
+            kept_for_parts: Span(0),
+        }
     }
 
     /// Runs the steps in order; the first one that fails ends the run.
@@ -111,6 +134,7 @@ impl Executor {
     /// One step, after which so many others follow.
     fn step(&mut self, agent: &mut Agent, step: &Step, others: usize) -> Result<Done, Halt> {
         let command = match (&step.command, step.skill) {
+            (None, Some(SkillName::Wiggle)) => return Ok(done("wiggle", wiggle(agent)?, None)),
             (Some(text), _) => {
                 let parts = split_sequence(text, &self.knowledge);
                 if parts.len() > 1 {
@@ -125,7 +149,7 @@ impl Executor {
                 action: match skill {
                     Some(SkillName::Navigate) => Action::Navigate,
                     Some(SkillName::Grasp) => Action::Grasp,
-                    Some(SkillName::Explore) | None => Action::Explore,
+                    Some(SkillName::Explore | SkillName::Wiggle) | None => Action::Explore,
                 },
                 target: step.target.clone().unwrap_or_default(),
                 destination: None,
@@ -147,70 +171,35 @@ impl Executor {
                     self.explorer.run(agent, end, Interest { enough: &mut |_| false, inspect: &|_| Vec::new() })?;
                 Ok(done(EXPLORE, format!("exploration ends: {outcome:?}"), None))
             }
-            Action::Place | Action::Bring => self.fetch_and_place(agent, command),
+            Action::Place | Action::Bring => match every::all_of(command) {
+                Some(one) => self.fetch_all(agent, &one),
+                None => self.fetch_and_place(agent, command),
+            },
             Action::Navigate | Action::Grasp | Action::Find | Action::Open | Action::Close => self.act(agent, command),
         }
-    }
-
-    /// Opens what the target lies in, looks inside and grasps it.
-    fn take_out(&mut self, agent: &mut Agent, command: &Command, whole: &str) -> Result<Done, Halt> {
-        const SKILL: &str = "take_out";
-        let furniture = match self.find(agent, SKILL, whole, Thoroughness::Enough)? {
-            Ok(grounding) => grounding,
-            Err(refused) => return Ok(*refused),
-        };
-        let Some(id) = furniture.object_id else {
-            let reason = "a room cannot be opened".into();
-            return Ok(failed(SKILL, Stage::Grounding, reason, Some(furniture)));
-        };
-        let (outcome, drawer) = open(agent, &self.nav, &self.grasping, id, command.part.unwrap_or_default())?;
-        if let Outcome::Failed(stage, reason) = outcome {
-            return Ok(failed(SKILL, stage, reason, Some(furniture)));
-        }
-        let Some(drawer) = drawer else {
-            let reason = "only drawers are looked into yet".into();
-            return Ok(failed(SKILL, Stage::Planning, reason, Some(furniture)));
-        };
-        let Some(floor_m) = drawer.look(agent, &self.nav)? else {
-            return Ok(failed(SKILL, Stage::Planning, "no way before the open drawer".into(), Some(furniture)));
-        };
-        let Some(inside) = drawer.find(agent, &self.grounder, &command.target) else {
-            let reason = format!("no {} is seen in the drawer", command.target);
-            return Ok(failed(SKILL, Stage::Mapping, reason, Some(furniture)));
-        };
-        let Some(id) = inside.object_id else {
-            return Ok(failed(SKILL, Stage::Mapping, "nothing is seen in the drawer".into(), Some(furniture)));
-        };
-        agent.note(format!("it is object {}", id.0));
-        Ok(settled(SKILL, grasp_standing_on(agent, &self.nav, &self.grasping, id, floor_m)?, inside))
     }
 
     fn act(&mut self, agent: &mut Agent, command: &Command) -> Result<Done, Halt> {
         if let (Action::Grasp, Some(whole)) = (command.action, &command.inside) {
             return self.take_out(agent, command, whole);
         }
+        if matches!(command.action, Action::Open | Action::Close) {
+            return self.move_part(agent, command);
+        }
         let skill = match command.action {
             Action::Grasp => "grasp",
             Action::Navigate => "navigate",
-            Action::Open => "open",
-            Action::Close => "close",
             _ => "find",
         };
         let grounding = match self.find(agent, skill, &command.target, Thoroughness::Enough)? {
             Ok(grounding) => grounding,
+            Err(refused) if command.action == Action::Grasp => return self.or_look_inside(agent, command, *refused),
             Err(refused) => return Ok(*refused),
         };
         let outcome = match (command.action, grounding.object_id, grounding.room_id) {
             (Action::Grasp, Some(id), _) => return self.grasp(agent, command, grounding, id),
-            (Action::Grasp, None, _) => Outcome::Failed(Stage::Grounding, "a room cannot be grasped".into()),
+            (Action::Grasp, None, _) => Outcome::Failed(Stage::Grounding, NO_ROOM.into()),
             (Action::Navigate, Some(id), _) => self.go_to(agent, id, command.region)?,
-            (Action::Open, Some(id), _) => {
-                open(agent, &self.nav, &self.grasping, id, command.part.unwrap_or_default())?.0
-            }
-            (Action::Open | Action::Close, None, _) => {
-                Outcome::Failed(Stage::Grounding, "a room cannot be opened".into())
-            }
-            (Action::Close, ..) => Outcome::Failed(Stage::Open, "closing is not yet a skill".into()),
             (Action::Navigate, None, Some(room)) => navigate_to_room(agent, &self.nav, room)?,
             _ => Outcome::Done("found".into()),
         };
@@ -259,60 +248,21 @@ impl Executor {
         }
     }
 
-    /// Grasps; when no place to grasp from is known, looks at the object from near, and then explores the rest of the
-    /// flat and reads the words again.
-    fn grasp(
-        &mut self,
-        agent: &mut Agent,
-        command: &Command,
-        grounding: Grounding,
-        id: ObjectId,
-    ) -> Result<Done, Halt> {
-        let mut outcome = self.grasp_and_weigh(agent, id)?;
-        if matches!(outcome, Outcome::Failed(Stage::Planning, _))
-            && matches!(self.go_to(agent, id, None)?, Outcome::Done(_))
-        {
-            // From near, the floor before it and what stands around it are known better.
-            outcome = self.grasp_and_weigh(agent, id)?;
-        }
-        let thoroughness = match &outcome {
-            Outcome::Failed(Stage::Planning, reason) => {
-                agent.note(format!("explores on, because the grasp failed: {reason}"));
-                Some(Thoroughness::Everything)
-            }
-            // The map knows it as another object by now.
-            Outcome::Failed(Stage::Mapping, _) => Some(Thoroughness::Enough),
-            _ => None,
-        };
-        let (outcome, grounding) = match thoroughness {
-            Some(thoroughness) => {
-                let grounding = match self.find(agent, "grasp", &command.target, thoroughness)? {
-                    Ok(grounding) => grounding,
-                    Err(refused) => return Ok(*refused),
-                };
-                match grounding.object_id {
-                    Some(id) => (self.grasp_and_weigh(agent, id)?, grounding),
-                    None => (Outcome::Failed(Stage::Grounding, "a room cannot be grasped".into()), grounding),
-                }
-            }
-            None => (outcome, grounding),
-        };
-        Ok(settled("grasp", outcome, grounding))
-    }
-
-    fn grasp_and_weigh(&mut self, agent: &mut Agent, id: ObjectId) -> Result<Outcome, Halt> {
-        let standing = Standing::of(agent.map(), id);
-        let outcome = grasp(agent, &self.nav, &self.grasping, id)?;
-        if let (Outcome::Done(_), Some(standing)) = (&outcome, standing) {
-            self.held = Some(standing.lifted(agent, &self.grasping)?);
-        }
-        Ok(outcome)
-    }
-
     /// Finds the object and the place, grasps the one and puts it on the other; what was lost on the way is looked for
     /// and fetched once more.
     fn fetch_and_place(&mut self, agent: &mut Agent, command: &Command) -> Result<Done, Halt> {
         let done = self.try_fetch_and_place(agent, command, None)?;
+        self.fetch_again(agent, command, done)
+    }
+
+    /// As [`Self::fetch_and_place`], for the thing of a grounding.
+    fn fetch_this(&mut self, agent: &mut Agent, command: &Command, found: Grounding) -> Result<Done, Halt> {
+        let done = self.try_fetch_and_place(agent, command, Some(found))?;
+        self.fetch_again(agent, command, done)
+    }
+
+    /// What was lost on the way is fetched once more.
+    fn fetch_again(&mut self, agent: &mut Agent, command: &Command, done: Done) -> Result<Done, Halt> {
         let held = self.held.take_if(|_| agent.held().is_none());
         let lost = matches!(done.stage, Some(Stage::Hold)) && agent.held().is_none() && !command.target.is_empty();
         let left = Span(agent.deadline().0 - agent.now().0);
@@ -335,7 +285,7 @@ impl Executor {
         self.try_fetch_and_place(agent, command, Some(Grounding { object_id: Some(id), ..grounding }))
     }
 
-    /// `fallen` is what was lost on the way, when it is known where it lies.
+    /// `fallen` is the thing, when it is known which: what was lost on the way.
     fn try_fetch_and_place(
         &mut self,
         agent: &mut Agent,
@@ -356,17 +306,7 @@ impl Executor {
         };
         let mut grounding = None;
         if !command.target.is_empty() {
-            let found = match fallen {
-                Some(found) => found,
-                None => match self.find(agent, PLACE, &command.target, Thoroughness::Enough)? {
-                    Ok(found) => found,
-                    Err(refused) => return Ok(*refused),
-                },
-            };
-            let Some(id) = found.object_id else {
-                return Ok(failed(PLACE, Stage::Grounding, "a room cannot be grasped".into(), Some(found)));
-            };
-            let done = self.grasp(agent, command, found, id)?;
+            let done = self.take(agent, command, fallen)?;
             if done.outcome != StepOutcome::Done {
                 return Ok(Done { skill: PLACE, ..done });
             }

@@ -38,7 +38,7 @@ pub fn replay_command(spec: &RunSpec) -> String {
 
 /// The page of a failed run; `None` when it succeeded.
 pub fn failure_page(finished: &Finished, spec: &RunSpec) -> Option<String> {
-    let Finished { summary, map, journal } = finished;
+    let Finished { summary, map, journal, .. } = finished;
     let failure = summary.failure.as_ref()?;
     let mut html = open_page(&format!("Failure: {}, seed {}", escape(&summary.episode), summary.seed));
     let _ = writeln!(

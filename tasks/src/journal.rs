@@ -96,6 +96,17 @@ pub struct Journal {
     pub detections: usize,
     /// Is told the words of each event.
     pub told: Option<Sender<String>>,
+    /// Is told what is learned and what happens, for recordings.
+    pub witness: Option<Box<dyn Witness>>,
+}
+
+/// Hears what a run learns and decides, in the order in which the loop does. Nothing that it does changes the run.
+pub trait Witness: Send {
+    /// What a frame taught.
+    fn learned(&mut self, learned: &Learned);
+
+    /// Something that happened.
+    fn event(&mut self, event: &Event);
 }
 
 /// What a run looks like to the robot at one moment, for those who watch.
@@ -128,6 +139,9 @@ impl Journal {
     pub fn note_learned(&mut self, learned: &Learned) {
         self.frames_learned += 1;
         self.detections += learned.detections.items.len();
+        if let Some(witness) = &mut self.witness {
+            witness.learned(learned);
+        }
     }
 
     /// Notes what was sent, if that is kept.
@@ -168,7 +182,11 @@ impl Journal {
             // Nobody waits for words any more: then nobody needs them.
             let _ = told.send(what.clone());
         }
-        self.events.push(Event { at_s, what });
+        let event = Event { at_s, what };
+        if let Some(witness) = &mut self.witness {
+            witness.event(&event);
+        }
+        self.events.push(event);
     }
 }
 

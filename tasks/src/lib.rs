@@ -12,7 +12,9 @@
 
 pub mod agent;
 pub mod assemble;
+pub mod calibrate;
 pub mod cli;
+mod crew;
 pub mod deferred;
 pub mod engine;
 pub mod episode;
@@ -34,6 +36,7 @@ pub mod picture;
 pub mod plot;
 mod pose_watch;
 pub mod recording;
+pub mod replay;
 pub mod report;
 #[cfg(feature = "rerun")]
 pub mod rerun_file;

@@ -1,4 +1,6 @@
-//! MCAP with Foxglove's schemas (as JSON) of what a run sees and does. Where Foxglove has no schema the name begins with
+//! MCAP files: for viewers, and recordings of runs ([`run_file`], [`read`]), which viewers open, too.
+//!
+//! A file for viewers holds Foxglove's schemas (as JSON) of what a run sees and does. Where Foxglove has no schema the name begins with
 //! `dsm.`; viewers plot and list these as any message.
 //!
 //! | topic | schema | what |
@@ -16,6 +18,13 @@
 //! | `/margins` | `dsm.Margins` | clearance, speed, and how the arm's controller stands; ten times a second |
 //! | `/log` | `foxglove.Log` | events |
 
+mod image;
+mod read;
+mod run_file;
+
+pub use read::open_run;
+pub use run_file::create_run;
+
 use crate::error::TaskError;
 use crate::journal::Sample;
 use crate::picture::{color_png, depth_mm_png};
@@ -30,17 +39,20 @@ use dsm::store::{StoreError, WholeFile};
 use dsm::time::Stamp;
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
-use mcap::Writer;
 use mcap::records::MessageHeader;
+use mcap::{WriteOptions, Writer};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::io::BufWriter;
+use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
-/// An MCAP file that is being written.
-pub struct McapFile {
+/// An MCAP file for viewers that is being written.
+pub struct McapFile(Messages<BufWriter<WholeFile>>);
+
+/// Messages on their way into a file.
+struct Messages<W: Write + Seek> {
     path: PathBuf,
-    writer: Writer<BufWriter<WholeFile>>,
+    writer: Writer<W>,
     channels: BTreeMap<String, u16>,
     sequence: u32,
 }
@@ -50,117 +62,194 @@ pub struct McapFile {
 /// # Errors
 /// [`TaskError::Store`]: it cannot be written.
 pub fn create(path: &Path) -> Result<McapFile, TaskError> {
-    let writer = Writer::new(BufWriter::new(WholeFile::create(path)?));
-    let writer = writer.map_err(|error| failed(path, error))?;
-    Ok(McapFile { path: path.to_owned(), writer, channels: BTreeMap::new(), sequence: 0 })
+    Ok(McapFile(Messages::create(path, BufWriter::new(WholeFile::create(path)?), WriteOptions::new())?))
 }
 
 fn failed(path: &Path, error: impl std::error::Error + Send + Sync + 'static) -> StoreError {
     StoreError::Io { path: path.to_owned(), source: std::io::Error::other(error) }
 }
 
-impl McapFile {
-    fn write(&mut self, topic: &str, schema: &str, stamp: Stamp, message: &Value) -> Result<(), StoreError> {
-        self.try_write(topic, schema, stamp, message).map_err(|error| failed(&self.path, error))
+/// What a message is written in: the encoding of the message, and name, encoding and text of its schema, if it has one.
+struct Form {
+    encoding: &'static str,
+    schema: Option<(String, &'static str, String)>,
+}
+
+impl<W: Write + Seek> Messages<W> {
+    fn create(path: &Path, file: W, options: WriteOptions) -> Result<Self, StoreError> {
+        // Pictures do not become smaller by packing them once more.
+        let writer = options.compression(None).create(file).map_err(|error| failed(path, error))?;
+        Ok(Self { path: path.to_owned(), writer, channels: BTreeMap::new(), sequence: 0 })
     }
 
-    fn try_write(&mut self, topic: &str, schema: &str, stamp: Stamp, message: &Value) -> mcap::McapResult<()> {
+    /// Writes JSON.
+    fn write(&mut self, topic: &str, schema: &str, stamp: Stamp, message: &Value) -> Result<(), StoreError> {
+        let form = || Form {
+            encoding: "json",
+            schema: Some((schema.to_owned(), "jsonschema", schema_of(schema, message).to_string())),
+        };
+        self.write_bytes(topic, &form, stamp, message.to_string().as_bytes())
+    }
+
+    /// Writes a message in any form; `form` is asked once for a topic.
+    fn write_bytes(
+        &mut self,
+        topic: &str,
+        form: &dyn Fn() -> Form,
+        stamp: Stamp,
+        bytes: &[u8],
+    ) -> Result<(), StoreError> {
+        self.try_write(topic, form, stamp, bytes).map_err(|error| failed(&self.path, error))
+    }
+
+    fn try_write(&mut self, topic: &str, form: &dyn Fn() -> Form, stamp: Stamp, bytes: &[u8]) -> mcap::McapResult<()> {
         let channel_id = match self.channels.get(topic) {
             Some(id) => *id,
             None => {
-                let described = schema_of(schema, message).to_string();
-                let schema = self.writer.add_schema(schema, "jsonschema", described.as_bytes())?;
-                let id = self.writer.add_channel(schema, topic, "json", &BTreeMap::new())?;
+                let Form { encoding, schema } = form();
+                // Schema 0 is none.
+                let schema = match schema {
+                    Some((name, encoding, text)) => self.writer.add_schema(&name, encoding, text.as_bytes())?,
+                    None => 0,
+                };
+                let id = self.writer.add_channel(schema, topic, encoding, &BTreeMap::new())?;
                 self.channels.insert(topic.to_owned(), id);
                 id
             }
         };
         let time = stamp.0.max(0) as u64;
         let header = MessageHeader { channel_id, sequence: self.sequence, log_time: time, publish_time: time };
-        self.sequence += 1;
-        self.writer.write_to_known_channel(&header, message.to_string().as_bytes())
+        self.sequence = self.sequence.wrapping_add(1);
+        self.writer.write_to_known_channel(&header, bytes)
     }
+
+    /// Calibration of a frame's camera and its pose in the world.
+    fn view(&mut self, frame: &RgbdFrame) -> Result<(), StoreError> {
+        let (stamp, camera) = (frame.stamp, optical_frame(frame));
+        self.write(&topic(frame, "calibration"), "foxglove.CameraCalibration", stamp, &calibration(frame))?;
+        let Pose { translation, rotation } = frame.world_from_camera;
+        let transform = json!({"timestamp": time(stamp), "parent_frame_id": "world", "child_frame_id": camera,
+            "translation": vector(translation.vector.into()), "rotation": quaternion(rotation.coords.into())});
+        self.write("/tf", "foxglove.FrameTransform", stamp, &transform)
+    }
+}
+
+/// The topic of something about a frame's camera.
+fn topic(frame: &RgbdFrame, what: &str) -> String {
+    format!("/camera/{}/{what}", frame.camera)
+}
+
+/// The frame in which viewers see a camera's images.
+fn optical_frame(frame: &RgbdFrame) -> String {
+    format!("{}_camera", frame.camera)
+}
+
+fn calibration(frame: &RgbdFrame) -> Value {
+    let model = &frame.model;
+    // Foxglove counts pixels from the middle of the first.
+    let (cx, cy) = (model.cx - 0.5, model.cy - 0.5);
+    json!({
+        "timestamp": time(frame.stamp), "frame_id": optical_frame(frame), "width": model.width, "height": model.height,
+        "distortion_model": "plumb_bob", "D": [0.0, 0.0, 0.0, 0.0, 0.0],
+        "K": [model.fx, 0.0, cx, 0.0, model.fy, cy, 0.0, 0.0, 1.0],
+        "R": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        "P": [model.fx, 0.0, cx, 0.0, 0.0, model.fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    })
+}
+
+/// Bounds, names and scores as annotations of an image.
+fn annotations(stamp: Stamp, found: &Detections) -> Value {
+    let (mut rectangles, mut texts) = (Vec::new(), Vec::new());
+    let timestamp = time(stamp);
+    for item in &found.items {
+        let Some((left, top, right, bottom)) = item.mask.find_bounds() else { continue };
+        let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
+        let points: Vec<Value> = corners.iter().map(|(x, y)| json!({"x": x, "y": y})).collect();
+        rectangles.push(json!({"timestamp": timestamp, "type": 2, "points": points, "outline_color": green(),
+            "outline_colors": [], "fill_color": clear(), "thickness": 2.0}));
+        let text = format!("{} {:.2}", item.name, item.score);
+        texts.push(json!({"timestamp": timestamp, "position": {"x": left, "y": top}, "text": text, "font_size": 12.0,
+            "text_color": green(), "background_color": clear()}));
+    }
+    json!({"circles": [], "points": rectangles, "texts": texts})
+}
+
+/// What detections were taken for which objects.
+fn associations(stamp: Stamp, camera: &str, taken: &[Association<'_>]) -> Value {
+    let named =
+        |item: &Association<'_>| json!({"detection": item.detection, "name": item.name, "object": item.object.0});
+    let items: Vec<Value> = taken.iter().map(named).collect();
+    json!({"timestamp": time(stamp), "frame_id": camera, "items": items})
+}
+
+/// Objects that were put or removed.
+fn scene_update(stamp: Stamp, put: &[&MapObject], removed: &[ObjectId]) -> Value {
+    let timestamp = time(stamp);
+    let entities: Vec<Value> = put.iter().map(|object| entity(object, &timestamp)).collect();
+    let deletion = |id: &ObjectId| json!({"timestamp": timestamp, "type": 0, "id": id.0.to_string()});
+    let deletions: Vec<Value> = removed.iter().map(deletion).collect();
+    json!({"deletions": deletions, "entities": entities})
+}
+
+fn base_command(stamp: Stamp, twist: Twist) -> Value {
+    json!({"timestamp": time(stamp), "forward_m_per_s": twist.forward_m_per_s, "turn_rad_per_s": twist.turn_rad_per_s})
+}
+
+fn joint_command(stamp: Stamp, velocities: &JointVelocities) -> Value {
+    let joint = |(name, velocity)| json!({"name": name, "velocity": velocity});
+    let joints: Vec<Value> = velocities.iter().map(joint).collect();
+    json!({"timestamp": time(stamp), "joints": joints})
+}
+
+fn gripper_command(stamp: Stamp, width_m: f64, force_n: f64) -> Value {
+    json!({"timestamp": time(stamp), "width_m": width_m, "force_n": force_n})
+}
+
+fn log(stamp: Stamp, what: &str) -> Value {
+    const INFO: u8 = 2;
+    json!({"timestamp": time(stamp), "level": INFO, "message": what, "name": "dsm", "file": "", "line": 0})
 }
 
 impl RecordingFile for McapFile {
     fn frame(&mut self, frame: &RgbdFrame, found: &Detections, taken: &[Association<'_>]) -> Result<(), StoreError> {
-        let (stamp, model) = (frame.stamp, &frame.model);
-        let (camera, timestamp) = (format!("{}_camera", frame.camera), time(stamp));
-        let topic = |what: &str| format!("/camera/{}/{what}", frame.camera);
+        let (stamp, camera) = (frame.stamp, optical_frame(frame));
+        let timestamp = time(stamp);
         let image = |png: Vec<u8>| json!({"timestamp": timestamp, "frame_id": camera, "format": "png", "data": STANDARD.encode(png)});
-        self.write(&topic("color"), "foxglove.CompressedImage", stamp, &image(color_png(frame)))?;
-        self.write(&topic("depth"), "foxglove.CompressedImage", stamp, &image(depth_mm_png(frame)))?;
-        // Foxglove counts pixels from the middle of the first.
-        let (cx, cy) = (model.cx - 0.5, model.cy - 0.5);
-        let calibration = json!({
-            "timestamp": timestamp, "frame_id": camera, "width": model.width, "height": model.height,
-            "distortion_model": "plumb_bob", "D": [0.0, 0.0, 0.0, 0.0, 0.0],
-            "K": [model.fx, 0.0, cx, 0.0, model.fy, cy, 0.0, 0.0, 1.0],
-            "R": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            "P": [model.fx, 0.0, cx, 0.0, 0.0, model.fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
-        });
-        self.write(&topic("calibration"), "foxglove.CameraCalibration", stamp, &calibration)?;
-        let (mut rectangles, mut texts) = (Vec::new(), Vec::new());
-        for item in &found.items {
-            let Some((left, top, right, bottom)) = item.mask.find_bounds() else { continue };
-            let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
-            let points: Vec<Value> = corners.iter().map(|(x, y)| json!({"x": x, "y": y})).collect();
-            rectangles.push(json!({"timestamp": timestamp, "type": 2, "points": points, "outline_color": green(),
-                "outline_colors": [], "fill_color": clear(), "thickness": 2.0}));
-            let text = format!("{} {:.2}", item.name, item.score);
-            texts.push(
-                json!({"timestamp": timestamp, "position": {"x": left, "y": top}, "text": text, "font_size": 12.0,
-                "text_color": green(), "background_color": clear()}),
-            );
-        }
-        let annotations = json!({"circles": [], "points": rectangles, "texts": texts});
-        self.write(&topic("detections"), "foxglove.ImageAnnotations", stamp, &annotations)?;
-        let Pose { translation, rotation } = frame.world_from_camera;
-        let transform = json!({"timestamp": timestamp, "parent_frame_id": "world", "child_frame_id": camera,
-            "translation": vector(translation.vector.into()), "rotation": quaternion(rotation.coords.into())});
-        self.write("/tf", "foxglove.FrameTransform", stamp, &transform)?;
-        let named =
-            |item: &Association<'_>| json!({"detection": item.detection, "name": item.name, "object": item.object.0});
-        let items: Vec<Value> = taken.iter().map(named).collect();
-        let message = json!({"timestamp": timestamp, "frame_id": camera, "items": items});
-        self.write(&topic("associations"), "dsm.Associations", stamp, &message)
+        self.0.write(&topic(frame, "color"), "foxglove.CompressedImage", stamp, &image(color_png(frame)))?;
+        self.0.write(&topic(frame, "depth"), "foxglove.CompressedImage", stamp, &image(depth_mm_png(frame)))?;
+        self.0.view(frame)?;
+        let found = annotations(stamp, found);
+        self.0.write(&topic(frame, "detections"), "foxglove.ImageAnnotations", stamp, &found)?;
+        let taken = associations(stamp, &camera, taken);
+        self.0.write(&topic(frame, "associations"), "dsm.Associations", stamp, &taken)
     }
 
     fn map(&mut self, stamp: Stamp, put: &[&MapObject], removed: &[ObjectId]) -> Result<(), StoreError> {
-        let timestamp = time(stamp);
-        let entities: Vec<Value> = put.iter().map(|object| entity(object, &timestamp)).collect();
-        let deletion = |id: &ObjectId| json!({"timestamp": timestamp, "type": 0, "id": id.0.to_string()});
-        let deletions: Vec<Value> = removed.iter().map(deletion).collect();
-        self.write("/map", "foxglove.SceneUpdate", stamp, &json!({"deletions": deletions, "entities": entities}))
+        self.0.write("/map", "foxglove.SceneUpdate", stamp, &scene_update(stamp, put, removed))
     }
 
     fn base(&mut self, stamp: Stamp, world_from_base: &Pose) -> Result<(), StoreError> {
         let message = json!({"timestamp": time(stamp), "frame_id": "world", "pose": pose(world_from_base)});
-        self.write("/base", "foxglove.PoseInFrame", stamp, &message)
+        self.0.write("/base", "foxglove.PoseInFrame", stamp, &message)
     }
 
     fn path(&mut self, stamp: Stamp, bases: &[(Stamp, Pose)]) -> Result<(), StoreError> {
         let poses: Vec<Value> = bases.iter().map(|(_, base)| pose(base)).collect();
         let message = json!({"timestamp": time(stamp), "frame_id": "world", "poses": poses});
-        self.write("/path", "foxglove.PosesInFrame", stamp, &message)
+        self.0.write("/path", "foxglove.PosesInFrame", stamp, &message)
     }
 
     fn base_command(&mut self, stamp: Stamp, twist: Twist) -> Result<(), StoreError> {
-        let message = json!({"timestamp": time(stamp), "forward_m_per_s": twist.forward_m_per_s,
-            "turn_rad_per_s": twist.turn_rad_per_s});
-        self.write("/command/base", "dsm.BaseCommand", stamp, &message)
+        self.0.write("/command/base", "dsm.BaseCommand", stamp, &base_command(stamp, twist))
     }
 
     fn joint_command(&mut self, stamp: Stamp, part: &str, velocities: &JointVelocities) -> Result<(), StoreError> {
-        let joint = |(name, velocity)| json!({"name": name, "velocity": velocity});
-        let joints: Vec<Value> = velocities.iter().map(joint).collect();
-        let message = json!({"timestamp": time(stamp), "joints": joints});
-        self.write(&format!("/command/{part}"), "foxglove.JointStates", stamp, &message)
+        let message = joint_command(stamp, velocities);
+        self.0.write(&format!("/command/{part}"), "foxglove.JointStates", stamp, &message)
     }
 
     fn gripper_command(&mut self, stamp: Stamp, width_m: f64, force_n: f64) -> Result<(), StoreError> {
-        let message = json!({"timestamp": time(stamp), "width_m": width_m, "force_n": force_n});
-        self.write("/command/gripper", "dsm.GripperCommand", stamp, &message)
+        self.0.write("/command/gripper", "dsm.GripperCommand", stamp, &gripper_command(stamp, width_m, force_n))
     }
 
     fn margins(&mut self, sample: &Sample) -> Result<(), StoreError> {
@@ -169,19 +258,17 @@ impl RecordingFile for McapFile {
             "speed_m_per_s": sample.speed_m_per_s, "control_error": control.map(|c| c.error),
             "control_distance_m": control.and_then(|c| c.distance_m),
             "active_rows": control.map(|c| c.active_rows)});
-        self.write("/margins", "dsm.Margins", sample.stamp, &message)
+        self.0.write("/margins", "dsm.Margins", sample.stamp, &message)
     }
 
     fn event(&mut self, stamp: Stamp, what: &str) -> Result<(), StoreError> {
-        const INFO: u8 = 2;
-        let message = json!({"timestamp": time(stamp), "level": INFO, "message": what, "name": "dsm",
-            "file": "", "line": 0});
-        self.write("/log", "foxglove.Log", stamp, &message)
+        self.0.write("/log", "foxglove.Log", stamp, &log(stamp, what))
     }
 
-    fn finish(mut self: Box<Self>) -> Result<(), StoreError> {
-        self.writer.finish().map_err(|error| failed(&self.path, error))?;
-        let file = self.writer.into_inner().into_inner().map_err(|error| failed(&self.path, error.into_error()))?;
+    fn finish(self: Box<Self>) -> Result<(), StoreError> {
+        let Messages { path, mut writer, .. } = self.0;
+        writer.finish().map_err(|error| failed(&path, error))?;
+        let file = writer.into_inner().into_inner().map_err(|error| failed(&path, error.into_error()))?;
         file.finish()
     }
 }

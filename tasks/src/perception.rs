@@ -110,19 +110,16 @@ impl Perception {
         }
     }
 
-    /// Waits for all frames under way, ends the tapes with the last map, and gives back the last result.
-    pub fn finish(mut self) -> Result<Option<Learned>, TaskError> {
+    /// Waits for all frames under way, ends the tapes with the last map, and gives back the results that had not shown.
+    pub fn finish(mut self) -> Result<Vec<Learned>, TaskError> {
         drop(self.jobs.take());
-        let mut last = None;
-        while let Ok(learned) = self.results.recv() {
-            last = Some(learned?);
-        }
+        let rest = self.results.iter().collect::<Result<Vec<_>, _>>()?;
         match self.worker.take().map(JoinHandle::join) {
             Some(Ok(ended)) => ended?,
             Some(Err(_)) => return Err(TaskError::Internal("the mapping worker panicked".into())),
             None => {}
         }
-        Ok(last)
+        Ok(rest)
     }
 }
 

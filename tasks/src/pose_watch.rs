@@ -6,6 +6,9 @@
 //!
 //! Localisation L is right in the long run and may jump; odometry O drifts and never does. A jump is taken out (C) until
 //! localisation jumps back, or has stood by it for so long that it is believed.
+//!
+//! The safety envelope sees the same jump by the same bounds and decides how the base moves: it brakes until localisation
+//! moves with odometry again. What is decided here is which pose is believed meanwhile and after.
 
 use dsm::Pose;
 use dsm::time::{Span, Stamp};

@@ -99,7 +99,7 @@ pub(crate) fn close_page(mut html: String) -> String {
 
 /// The page of a finished run.
 pub fn page(finished: &Finished, timing: &Timing) -> String {
-    let Finished { summary, map, journal } = finished;
+    let Finished { summary, map, journal, .. } = finished;
     let title = format!("{}, seed {}", escape(&summary.episode), summary.seed);
     let mut html = open_page(&title);
     write_head(&mut html, summary, timing, &title);

@@ -77,7 +77,7 @@ pub(crate) fn finished(name: &str) -> Finished {
     for i in 0..40 {
         journal.pictures.push((format!("picture {i} {name}"), Arc::new(small_frame())));
     }
-    Finished { summary, map: Arc::new(small_map(name)), journal }
+    Finished { summary, map: Arc::new(small_map(name)), journal, recorded: None }
 }
 
 fn page_of(name: &str) -> String {

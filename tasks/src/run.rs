@@ -4,9 +4,11 @@ use crate::episode::Episode;
 use crate::error::TaskError;
 use crate::journal::{Journal, Moment};
 use crate::perception::Tape;
-use crate::session::Session;
+use crate::replay::RecordingEnd;
+use crate::session::{Keep, Session};
 use crate::summary::Summary;
 use dsm::map::Map;
+use dsm_robot::safety::StopSwitch;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -37,6 +39,8 @@ pub struct RunSpec {
     pub time_limit_s: f64,
     /// Gives the simulator's label ids another meaning in every frame: nothing may change. Default false.
     pub permute_labels: bool,
+    /// Stops the robot when it is pressed, by a key or whatever holds a copy of it.
+    pub stop: StopSwitch,
 }
 
 impl RunSpec {
@@ -53,6 +57,7 @@ impl RunSpec {
             seed: episode.seed,
             time_limit_s: episode.time_limit_s,
             permute_labels: false,
+            stop: StopSwitch::default(),
             episode,
         }
     }
@@ -66,6 +71,8 @@ pub struct Finished {
     pub map: Arc<Map>,
     /// What happened along the way.
     pub journal: Journal,
+    /// How its recording ended, when there is one.
+    pub recorded: Option<RecordingEnd>,
 }
 
 /// Hears about a run while it goes on. Nothing that it does changes the run.
@@ -102,7 +109,18 @@ pub fn run_taped(
     interrupted: Arc<AtomicBool>,
     progress: Box<dyn Progress>,
 ) -> Result<Finished, TaskError> {
-    let mut session = Session::begin_taped(spec, map_file, tapes, interrupted, progress)?;
+    run_kept(spec, map_file, Keep { tapes, recorder: None }, interrupted, progress)
+}
+
+/// As [`run_episode`]; what `keep` says is kept of the run.
+pub fn run_kept(
+    spec: &RunSpec,
+    map_file: Option<&Path>,
+    keep: Keep,
+    interrupted: Arc<AtomicBool>,
+    progress: Box<dyn Progress>,
+) -> Result<Finished, TaskError> {
+    let mut session = Session::begin_kept(spec, map_file, keep, interrupted, progress)?;
     session.run(&spec.episode.steps);
     session.finish()
 }

@@ -16,22 +16,20 @@
 //! # }
 //! ```
 
-use crate::agent::{Agent, AgentConfig, Halt, Parts};
-use crate::assemble::{Assembled, assemble, grounder, knowledge};
+use crate::agent::{Agent, Halt};
+use crate::assemble::{Assembled, assemble_recorded};
+use crate::crew::{Crew, Gear, settle};
 use crate::episode::{Expectation, ExpectationKind, Step};
 use crate::error::TaskError;
 use crate::executor::{Account, Executor, reason_of, words_of};
 use crate::journal::Moment;
 use crate::judge::Judge;
-use crate::perception::{Perception, Tape};
+use crate::perception::Tape;
+use crate::replay::Recorder;
 use crate::run::{CELL_M, Finished, Progress, RunSpec};
 use crate::skills::Outcome;
-use crate::skills::grasp::GraspSettings;
 use crate::summary::{Failure, MapSummary, SUMMARY_SCHEMA, Stage, StepOutcome, StepSummary, Summary};
-use dsm::build::{BuildConfig, MapBuilder};
-use dsm::map::Map;
 use dsm::store::MapLog;
-use dsm::time::{Span, Stamp};
 use dsm_robot::model::RobotModel;
 use dsm_robot::nav::NavConfig;
 use std::cell::RefCell;
@@ -48,7 +46,17 @@ pub struct Session {
     /// The robot with its senses and its map.
     agent: Agent,
     judge: Rc<RefCell<Judge>>,
+    recorder: Option<Recorder>,
     account: Account,
+}
+
+/// What is kept of a run beside its map.
+#[derive(Default)]
+pub struct Keep {
+    /// Keep what the map is made of.
+    pub tapes: Vec<Box<dyn Tape>>,
+    /// Keeps all that the robot is asked and answers, so that the run can be replayed.
+    pub recorder: Option<Recorder>,
 }
 
 impl Session {
@@ -67,20 +75,37 @@ impl Session {
     pub fn begin_taped(
         spec: &RunSpec,
         map_file: Option<&Path>,
-        mut tapes: Vec<Box<dyn Tape>>,
+        tapes: Vec<Box<dyn Tape>>,
         interrupted: Arc<AtomicBool>,
         progress: Box<dyn Progress>,
     ) -> Result<Self, TaskError> {
-        let Assembled { robot, model, detector, truth, judge, words } = assemble(spec)?;
-        let knowledge = knowledge()?;
+        Self::begin_kept(spec, map_file, Keep { tapes, recorder: None }, interrupted, progress)
+    }
+
+    /// As [`Self::begin`]; what `keep` says is kept of the run.
+    pub fn begin_kept(
+        spec: &RunSpec,
+        map_file: Option<&Path>,
+        keep: Keep,
+        interrupted: Arc<AtomicBool>,
+        progress: Box<dyn Progress>,
+    ) -> Result<Self, TaskError> {
+        let Keep { mut tapes, mut recorder } = keep;
+        let sink = recorder.as_ref().map(Recorder::sink);
+        let Assembled { robot, model, detector, truth, judge, words } = assemble_recorded(spec, sink)?;
         let is_taped = !tapes.is_empty();
+        let witness = match &mut recorder {
+            Some(recorder) => {
+                recorder.begin(spec, &model, detector.name())?;
+                let (tape, witness) = recorder.watch();
+                tapes.push(tape);
+                Some(witness)
+            }
+            None => None,
+        };
         if let Some(path) = map_file {
             tapes.push(Box::new(MapLog::create(path, CELL_M)?));
         }
-        let config = AgentConfig::default();
-        let map = Map::new(CELL_M);
-        let builder = MapBuilder::new(BuildConfig::default(), knowledge.clone());
-        let perception = Perception::start(detector, builder, map.clone(), tapes, config.mapping_latency);
         let judge = Rc::new(RefCell::new(judge));
         let progress = Rc::new(RefCell::new(progress));
         let (watcher, listener) = (judge.clone(), progress.clone());
@@ -91,21 +116,14 @@ impl Session {
             }
         });
         let on_frame = Box::new(move |moment: &Moment<'_>| progress.borrow_mut().sees(moment));
-        let deadline = Stamp::from_s(spec.time_limit_s);
-        let nav = nav_config(&model);
-        let grasping = GraspSettings::for_robot(&model);
-        let parts = Parts { robot, model, perception, map, deadline, interrupted, on_tick, on_frame };
-        let mut agent = Agent::new(parts, config);
+        let time_limit_s = spec.time_limit_s;
+        let gear = Gear { robot, model, detector, tapes, time_limit_s, interrupted, on_tick, on_frame };
+        let Crew { mut agent, executor, nav } = Crew::new(gear)?;
         agent.journal.commands = is_taped.then(Vec::new);
         agent.journal.told = Some(words);
-        Ok(Self {
-            spec: spec.clone(),
-            executor: Executor::new(nav.clone(), grasping, grounder()?, knowledge),
-            nav,
-            agent,
-            judge,
-            account: Account { steps: Vec::new(), failure: None, halt: None },
-        })
+        agent.journal.witness = witness;
+        let account = Account { steps: Vec::new(), failure: None, halt: None };
+        Ok(Self { spec: spec.clone(), executor, nav, agent, judge, recorder, account })
     }
 
     /// How the robot may drive, for skills.
@@ -180,8 +198,10 @@ impl Session {
             settle(&mut self.agent);
         }
         let robot = self.agent.model().settings.name.clone();
-        let (map, journal) = self.agent.finish()?;
+        let (map, mut journal) = self.agent.finish()?;
         let (spec, account) = (self.spec, self.account);
+        journal.witness = None;
+        let recorded = self.recorder.map(|recorder| recorder.finish(&account, &map)).transpose()?;
         if let Some(Halt::Failed(error)) = account.halt {
             return Err(error);
         }
@@ -224,7 +244,7 @@ impl Session {
             },
             truth: judge.truth(),
         };
-        Ok(Finished { summary, map, journal })
+        Ok(Finished { summary, map, journal, recorded })
     }
 
     fn skip(&mut self, words: &str) {
@@ -241,12 +261,6 @@ fn find_refusal(expectations: &[Expectation], steps: &[StepSummary]) -> Option<F
     let refused = steps.iter().find(|s| matches!(s.outcome, StepOutcome::Absent | StepOutcome::Ambiguous))?;
     let word = if refused.outcome == StepOutcome::Absent { "absent" } else { "ambiguous" };
     Some(Failure { step: refused.index, stage: Stage::Grounding, reason: format!("{word}: {}", refused.reason) })
-}
-
-/// Two seconds at rest, so that what is held is seen to be held.
-fn settle(agent: &mut Agent) {
-    // A time limit during these seconds changes nothing that is judged.
-    let _ = agent.rest(Span::from_s(2.2));
 }
 
 /// Navigation within what the robot can do.

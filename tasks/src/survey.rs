@@ -89,6 +89,7 @@ impl Mapping<'_> {
         let carrier = Carrier {
             bodies: shown.robot.iter().map(body).collect(),
             footprint: Some((Point2::from(base.translation.vector.xy()), radius_m)),
+            moved: Vec::new(),
         };
         let update = self.builder.observe(&self.map, &frame, &shown.detections, &carrier);
         self.map.apply(update);

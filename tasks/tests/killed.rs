@@ -1,5 +1,5 @@
 //! Contract: a run that is killed at any moment leaves a map that opens, behind the run by less than one simulated second,
-//! and each later moment's file goes on where an earlier one's ends.
+//! and each later moment's file goes on where an earlier one's ends; its recording replays as far, to the same.
 //!
 //! Five moments by default; `DSM_KILLS` says how many (`tests/run --full` asks for 50).
 
@@ -27,8 +27,8 @@ fn sim_time_s(address: &str) -> Option<f64> {
     status["sim_time_s"].as_f64()
 }
 
-/// Runs until the moment and kills; gives the simulated time that the run had reached at least.
-fn run_and_kill(out: &Path, moment_s: f64) -> f64 {
+/// Runs with further arguments until the moment and kills; gives the simulated time that the run had reached at least.
+fn run_and_kill(out: &Path, moment_s: f64, further: &[&str]) -> f64 {
     let episode = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/apartment/episodes/fetch_apple.toml");
     let mut command = Command::new(env!("CARGO_BIN_EXE_dsm"));
     for variable in
@@ -36,7 +36,7 @@ fn run_and_kill(out: &Path, moment_s: f64) -> f64 {
     {
         command.env_remove(variable);
     }
-    command.arg("run").arg(episode).args(["--view=0", "--out"]).arg(out);
+    command.arg("run").arg(episode).args(["--view=0", "--out"]).arg(out).args(further);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
     let line = lines.find(|line| line.as_ref().unwrap().contains("http://127.0.0.1:")).unwrap().unwrap();
@@ -63,7 +63,7 @@ fn a_killed_run_leaves_all_but_its_last_second() {
         // The first before anything can have been mapped.
         let moment_s = if number == 0 { 0.01 } else { rng.random_range(0.2..LATEST_S) };
         let out = folder.path().join(number.to_string());
-        let reached_s = run_and_kill(&out, moment_s);
+        let reached_s = run_and_kill(&out, moment_s, &[]);
         let loaded = load_map(&out.join("map.dsm")).unwrap();
         assert!(!loaded.finished, "killed at {reached_s} s");
         let stamp_s = loaded.map.stamp.as_s();
@@ -80,4 +80,19 @@ fn a_killed_run_leaves_all_but_its_last_second() {
     for pair in files.windows(2) {
         assert!(pair[1].starts_with(&pair[0]), "the logs of one run differ");
     }
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn a_killed_recording_replays_up_to_its_last_second() {
+    use dsm_tasks::mcap_file::open_run;
+    use dsm_tasks::replay::{PlayOptions, play};
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("run.mcap");
+    let further = ["--record", recording.to_str().unwrap()];
+    let reached_s = run_and_kill(&folder.path().join("out"), 4.3, &further);
+    let report = play(&|wanted| open_run(&recording, wanted), PlayOptions::default()).unwrap().report;
+    assert!(report.identical && !report.reached_end, "{report:?}");
+    assert!(report.sim_time_s > reached_s - 1.0, "killed at {reached_s} s: {report:?}");
+    assert!(report.commands > 800 && report.notices.len() == 1, "{report:?}");
 }

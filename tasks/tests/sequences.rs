@@ -1,5 +1,5 @@
-//! Contract: a recorded run mapped again gives the run's own map, byte for byte where depth was kept as measured, and the
-//! same things in the same places where it was rounded to millimetres; sequences in the layouts of others are read with
+//! Contract: a recorded run mapped again gives the run's own map, byte for byte, from depth as it was measured and from
+//! images in millimetres; sequences in the layouts of others are read with
 //! their poses, depths and colours.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot prepare its files fails")]
@@ -45,15 +45,8 @@ fn a_recorded_run_mapped_again_gives_its_own_map() {
     assert!(lines.len() > 20, "{} frames", lines.len());
     fs::write(&frames, lines.join("\n") + "\n").unwrap();
     good(&bench, &["build", "seq", "-o", "rounded.dsm"], 0);
-    let [own, rounded] = [own, bench.path().join("rounded.dsm")].map(|path| load_map(&path).unwrap().map);
-    let pairs: Vec<_> = own.stable_objects().zip(rounded.stable_objects()).collect();
-    assert_eq!((pairs.len(), own.stable_objects().count(), rounded.stable_objects().count()), (2, 2, 2));
-    for (a, b) in pairs {
-        assert_eq!((a.name(), a.observations), (b.name(), b.observations));
-        // The apple was seen five times: half a millimetre in depth decides which of its points stay.
-        let apart = (a.bounds.center - b.bounds.center).norm();
-        assert!(apart < 0.02, "{} lies {apart} m aside", a.name());
-    }
+    // A camera hands depth out in whole millimetres: nothing is lost.
+    assert!(fs::read(&own).unwrap() == fs::read(bench.path().join("rounded.dsm")).unwrap(), "the maps differ");
     // In pixels alone nothing has a name; the free space is the same.
     good(&bench, &["build", "seq", "-o", "pixels.dsm", "--detections", "pixels", "--stride", "4"], 0);
     let pixels = load_map(&bench.path().join("pixels.dsm")).unwrap().map;

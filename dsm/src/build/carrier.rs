@@ -1,7 +1,8 @@
 //! What carries the camera, as far as it gets in its own view.
 
 use crate::geometry::OrientedBox;
-use nalgebra::Point2;
+use crate::map::ObjectId;
+use nalgebra::{Point2, Vector3};
 
 /// Bodies that are not part of the surroundings, at the moment of the frame, world frame. Points inside them are dropped
 /// from objects and from free space.
@@ -11,4 +12,7 @@ pub struct Carrier {
     pub bodies: Vec<OrientedBox>,
     /// Where the carrier stands: centre and radius in metres. It is free floor that its camera cannot see.
     pub footprint: Option<(Point2<f64>, f64)>,
+    /// Objects that the carrier moved since the last frame, and by what, world frame, metres: what lies in a drawer moves with
+    /// it, where nobody sees it.
+    pub moved: Vec<(ObjectId, Vector3<f64>)>,
 }

@@ -153,6 +153,11 @@ impl MapBuilder {
         }
         self.follow(map);
         let mut draft = Draft::new(map);
+        // What the carrier says that it moved.
+        for (id, by) in &carrier.moved {
+            let Some(object) = draft.edit(*id) else { continue };
+            self.tracks.change(*id, |track| track.shift(object, by));
+        }
         // Single view parsing.
         let mut observations = self.parse(frame, detections, carrier);
         ended(Stage::CleanPoints);

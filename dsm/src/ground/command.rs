@@ -1,7 +1,7 @@
 //! Commands: what to do with what, and where.
 
 use super::command_words::{ENDINGS, NOUNS_TOO, OPENINGS, VERBS};
-use super::part::{Part, split_container, split_part};
+use super::part::{Part, find_bare_part, split_container, split_part};
 use super::query::RelationWord;
 use super::words::{find_relation, tokens_of};
 use crate::knowledge::Knowledge;
@@ -36,8 +36,8 @@ pub enum Action {
 pub struct Command {
     /// What to do.
     pub action: Action,
-    /// With what; empty only for `explore`, and for `place` and `bring` when they speak of what is held ("put it down on
-    /// the table").
+    /// With what; empty only for `explore`, for `place` and `bring` when they speak of what is held ("put it down on the
+    /// table"), and for `close` when it speaks of what was opened before ("close it", "close the drawer").
     pub target: String,
     /// Where to, without its preposition.
     pub destination: Option<String>,
@@ -48,8 +48,8 @@ pub struct Command {
     /// What of the target is to be opened or closed; `None` when the words name the whole alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<Part>,
-    /// What holds the target, when it is to be taken out of a drawer or from behind a door: the words of the whole; `part`
-    /// says what to open.
+    /// What holds the target, when it is to be taken out of a drawer or from behind a door: the words of the whole, empty
+    /// when it is not said ("the mug in the drawer"); `part` says what to open.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inside: Option<String>,
     /// Whether it goes back to where it was taken from.
@@ -140,6 +140,11 @@ pub fn parse_command(text: &str, knowledge: &Knowledge) -> Result<Command, Unpar
         Action::Open | Action::Close => split_part(target),
         _ => (target, None),
     };
+    // "close the drawer" is the one that stands open.
+    let (target, part) = match (action, part.is_none().then(|| find_bare_part(target)).flatten()) {
+        (Action::Close, Some(bare)) => (&target[..0], Some(bare)),
+        _ => (target, part),
+    };
     let (target, inside, part) = match (action, split_container(target)) {
         (Action::Grasp | Action::Bring, Some((target, whole, part))) => (target, Some(whole.join(" ")), Some(part)),
         _ => (target, None, part),
@@ -155,6 +160,7 @@ pub fn parse_command(text: &str, knowledge: &Knowledge) -> Result<Command, Unpar
     match (action, command.target.is_empty(), &command.destination) {
         (Action::Place, _, None) if !back => Err(Unparsed::NoDestination { verb }),
         (Action::Place, true, _) | (Action::Bring, true, Some(_)) => Ok(command),
+        (Action::Close, true, _) if !rest.is_empty() => Ok(command),
         (_, true, _) if !back => Err(Unparsed::NoTarget { verb }),
         _ => Ok(command),
     }

@@ -189,6 +189,25 @@ fn ranked_anchors(
     ranked.into_iter().map(|(i, score)| (i, score.sqrt())).collect()
 }
 
+/// "in the drawer" is in what has drawers, whose parts the map does not list: wholes of the anchor's name are anchors as well.
+fn add_wholes(context: Context<'_, '_>, part: &Entity, anchors: &mut Vec<(usize, f32)>, result: &mut Evaluation) {
+    /// A whole counts so much beside a thing that bears the name itself.
+    const WHOLE: f32 = 0.9;
+    let Noun::Thing(name) = &part.noun else { return };
+    let Some(category) = context.knowledge.find(name) else { return };
+    for whole in &category.part_of {
+        let entity = Entity { noun: Noun::Thing(whole.clone()), ..part.clone() };
+        for (item, score) in ranked_anchors(context, &entity, result, MAX_ANCHORS) {
+            match anchors.iter_mut().find(|(known, _)| *known == item) {
+                Some((_, best)) => *best = best.max(WHOLE * score),
+                None => anchors.push((item, WHOLE * score)),
+            }
+        }
+    }
+    anchors.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    anchors.truncate(MAX_ANCHORS);
+}
+
 fn missing_anchor_score(context: Context<'_, '_>, entity: &Entity) -> f32 {
     let known = match &entity.noun {
         Noun::Thing(name) => context.knowledge.find(name).is_some() || context.knowledge.find_kind(name).is_some(),
@@ -213,7 +232,10 @@ fn push_relation(context: Context<'_, '_>, term: &RelationTerm, result: &mut Eva
     let (mut scores, anchors) = if term.word == RelationWord::Between {
         between_scores(context, term, result)
     } else {
-        let anchors = ranked_anchors(context, &term.anchors[0], result, MAX_ANCHORS);
+        let mut anchors = ranked_anchors(context, &term.anchors[0], result, MAX_ANCHORS);
+        if term.word == RelationWord::In {
+            add_wholes(context, &term.anchors[0], &mut anchors, result);
+        }
         let plain = term.anchors[0].relations.is_empty() && context.config.presume_present;
         if (anchors.is_empty() || plain) && is_structure(context, &term.anchors[0]) {
             let scores = structure_scores(context, term);

@@ -100,7 +100,17 @@ pub(super) fn split_part(tokens: &[String]) -> (&[String], Option<Part>) {
     if at + 1 == tokens.len() { (before, Some(part)) } else { (tokens, None) }
 }
 
-/// "the mug out of the top drawer of the desk": the thing, the whole and the part that holds it.
+/// "the drawer", "the top drawer": a part whose whole is not said.
+pub(super) fn find_bare_part(tokens: &[String]) -> Option<Part> {
+    let words: Vec<&str> = tokens.iter().map(String::as_str).filter(|word| !is_article(word)).collect();
+    let (last, places) = words.split_last()?;
+    let kind = Some(kind_of(last)?);
+    let places: Option<Vec<PartPlace>> = places.iter().map(|word| place_of(word)).collect();
+    Some(Part { kind, place: places?.first().copied() })
+}
+
+/// "the mug out of the top drawer of the desk": the thing, the whole and the part that holds it; no words of the whole where
+/// none is said ("the mug in the drawer").
 pub(super) fn split_container(tokens: &[String]) -> Option<(&[String], &[String], Part)> {
     let word = |at: usize| tokens.get(at).map(String::as_str).unwrap_or_default();
     (1..tokens.len()).find_map(|at| {
@@ -109,8 +119,12 @@ pub(super) fn split_container(tokens: &[String]) -> Option<(&[String], &[String]
             ("from" | "in" | "inside" | "within", _) => 1,
             _ => return None,
         };
-        let (whole, part) = split_part(tokens.get(at + length..)?);
-        Some((&tokens[..at], whole, part?))
+        let rest = tokens.get(at + length..)?;
+        match (split_part(rest), find_bare_part(rest)) {
+            ((whole, Some(part)), _) => Some((&tokens[..at], whole, part)),
+            ((_, None), Some(part)) => Some((&tokens[..at], &rest[..0], part)),
+            ((_, None), None) => None,
+        }
     })
 }
 
@@ -141,6 +155,8 @@ mod tests {
             split("the ball in the drawer of the dresser in the bedroom"),
             found("the ball", "the dresser in the bedroom", None)
         );
+        assert_eq!(split("the mug in the drawer"), found("the mug", "", None));
+        assert_eq!(split("the mug out of the top drawer"), found("the mug", "", top));
         assert_eq!(split("the mug in the kitchen"), None);
         assert_eq!(split("the mug next to the chest of drawers"), None);
     }

@@ -8,6 +8,7 @@ mod category;
 mod lookup;
 mod room_names;
 mod table;
+mod whereabouts;
 mod wording;
 mod words;
 
@@ -15,5 +16,6 @@ pub use category::{Category, Knowledge, KnowledgeError};
 pub use lookup::Meaning;
 pub(crate) use lookup::misspelling_distance;
 pub use room_names::RoomScores;
+pub use whereabouts::Whereabouts;
 pub use wording::{normalize, singular_of};
 pub use words::{ColorPrototype, WordList, Words};

@@ -87,7 +87,7 @@ impl MapLog {
     }
 
     fn compact(&mut self, map: &Map) -> Result<(), StoreError> {
-        let mut bytes = whole_file(map);
+        let mut bytes = encode_map(map);
         bytes.extend(encode(Kind::LogBegins, &()));
         self.file = replace(&self.path, &bytes)?;
         (self.grown_bytes, self.compact_bytes) = (0, bytes.len());
@@ -115,7 +115,7 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<File, StoreError> {
 /// # Errors
 /// [`StoreError::Io`].
 pub fn save_map(path: &Path, map: &Map) -> Result<(), StoreError> {
-    write_atomically(path, &whole_file(map))
+    write_atomically(path, &encode_map(map))
 }
 
 fn header(resolution_m: f64) -> Vec<u8> {
@@ -125,8 +125,9 @@ fn header(resolution_m: f64) -> Vec<u8> {
     bytes
 }
 
-/// Each object is a record of its own, so that damage costs no more than it hits.
-fn whole_file(map: &Map) -> Vec<u8> {
+/// The compact form of a map, as it stands in a finished file. Each object is a record of its own, so that damage costs no
+/// more than it hits.
+pub fn encode_map(map: &Map) -> Vec<u8> {
     let mut changes: Vec<MapChange> = map.objects.values().map(|o| MapChange::Put(Box::new((**o).clone()))).collect();
     if !map.relations.is_empty() {
         let about = map.objects.keys().copied().collect();

@@ -18,9 +18,9 @@ mod spark_dsg;
 pub use atomic::{WholeFile, write_atomically};
 pub use export::{ExportFormat, export_map};
 pub use load::{LoadedMap, decode, load_map};
-pub use log::{MapLog, save_map};
+pub use log::{MapLog, encode_map, save_map};
 pub use merge::{Merged, merge_maps};
-pub use record::Lost;
+pub use record::{Lost, digest_bytes, digest_update};
 pub use show::{ShownAttributes, ShownMap, ShownObject, ShownRelation, ShownRoom, show_map};
 pub use spark_dsg::import_spark_dsg;
 

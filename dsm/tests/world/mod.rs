@@ -7,7 +7,7 @@ use dsm::camera::CameraModel;
 use dsm::frame::{FrameId, RgbdFrame};
 use dsm::geometry::Aabb;
 use dsm::knowledge::Knowledge;
-use dsm::map::{Map, MapObject};
+use dsm::map::{Map, MapObject, ObjectId};
 use dsm::perceive::{Detection, Detections, Mask};
 use dsm::time::Stamp;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -210,12 +210,15 @@ pub struct Session {
     pub builder: MapBuilder,
     pub frames: u64,
     pub noise: Noise,
+    /// What the next frame's carrier says that it moved.
+    pub moved: Vec<(ObjectId, Vector3<f64>)>,
 }
 
 impl Session {
     pub fn new(noise: Noise) -> Self {
         let knowledge = Arc::new(Knowledge::embedded().expect("embedded table"));
-        Self { map: Map::new(0.05), builder: MapBuilder::new(BuildConfig::default(), knowledge), frames: 0, noise }
+        let builder = MapBuilder::new(BuildConfig::default(), knowledge);
+        Self { map: Map::new(0.05), builder, frames: 0, noise, moved: Vec::new() }
     }
 
     /// Observes the world from one place; frames come at 5 Hz.
@@ -223,7 +226,8 @@ impl Session {
         let pose = look_at(eye, target);
         let (frame, detections) = world.render(camera_model(), self.frames, self.frames as f64 * 0.2, pose, self.noise);
         self.frames += 1;
-        let update = self.builder.observe(&self.map, &frame, &detections, &Carrier::default());
+        let carrier = Carrier { moved: std::mem::take(&mut self.moved), ..Carrier::default() };
+        let update = self.builder.observe(&self.map, &frame, &detections, &carrier);
         self.map.apply(update);
     }
 

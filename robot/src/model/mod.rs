@@ -21,6 +21,7 @@ pub use obstacle::{Hull, Obstacle};
 pub use settings::RobotSettings;
 
 use crate::joints::{JointNames, JointPositions};
+use dsm::Pose;
 use dsm::config::{ConfigError, find_nearest, line_of};
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
@@ -105,6 +106,9 @@ impl RobotModel {
         for name in &settings.collision.ignored_links {
             let link = fit.link(&kinematics, name)?;
             kinematics.links[link.0].collisions.clear();
+        }
+        for camera in &settings.camera {
+            fit.mount(&mut kinematics, camera)?;
         }
         fit.assemble(settings, kinematics)
     }
@@ -205,6 +209,22 @@ impl Fit<'_> {
         })
     }
 
+    /// Moves the frame of a camera to where the camera really is.
+    fn mount(&self, kinematics: &mut Kinematics, camera: &settings::CameraSettings) -> Result<(), ModelError> {
+        let offset = camera.frame_from_camera();
+        let link = self.link(kinematics, &camera.frame)?;
+        if offset == Pose::identity() {
+            return Ok(());
+        }
+        let is_fixed = |joint: &usize| kinematics.joints[*joint].kind == JointKind::Fixed;
+        let Some(joint) = kinematics.links[link.0].parent_joint.filter(is_fixed) else {
+            let message = format!("`{}` has an offset; expected a frame that a fixed joint carries", camera.frame);
+            return Err(self.mismatch(&camera.frame, message));
+        };
+        kinematics.joints[joint].parent_from_joint *= offset;
+        Ok(())
+    }
+
     fn group(&self, kinematics: &Kinematics, settings: &settings::GroupSettings) -> Result<Group, ModelError> {
         let known: Vec<&str> = kinematics.variables.iter().map(|name| &**name).collect();
         if settings.max_accelerations.len() != settings.joints.len() {
@@ -273,6 +293,7 @@ impl Fit<'_> {
         }
         self.check_postures(&settings, &kinematics)?;
         self.check_roles(&settings)?;
+        self.check_safety(&settings)?;
         let mut ignored = Vec::with_capacity(settings.collision.ignored_pairs.len());
         for [first, second] in &settings.collision.ignored_pairs {
             ignored.push((self.link(&kinematics, first)?, self.link(&kinematics, second)?));
@@ -280,6 +301,20 @@ impl Fit<'_> {
         let collision = Arc::new(CollisionModel::new(&kinematics, &ignored));
         let file = self.file.to_owned();
         Ok(RobotModel { settings, file, kinematics, arm, head, gripper, groups, tool, collision })
+    }
+
+    /// Borders that hold something in.
+    fn check_safety(&self, settings: &RobotSettings) -> Result<(), ModelError> {
+        let safety = &settings.safety;
+        if (1..3).contains(&safety.area.len()) || !safety.area.iter().flatten().all(|value| value.is_finite()) {
+            return Err(self.mismatch("area", "safety.area: expected three corners or more, each [x, y]".into()));
+        }
+        if safety.tool_lowest_m.zip(safety.tool_highest_m).is_some_and(|(lowest, highest)| lowest >= highest) {
+            return Err(
+                self.mismatch("tool_lowest_m", "safety.tool_lowest_m: expected less than tool_highest_m".into())
+            );
+        }
+        Ok(())
     }
 
     /// What the skills ask a robot for by name.

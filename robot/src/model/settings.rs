@@ -1,6 +1,9 @@
 //! The layout of `robot.toml`: what a URDF cannot say. SI units, radians; joints and frames by their URDF names.
 
 use crate::control::ControllerConfig;
+use crate::safety::settings::SafetySettings;
+use dsm::Pose;
+use nalgebra::{UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -49,6 +52,9 @@ pub struct RobotSettings {
     /// The cameras: `head` and `wrist` must exist.
     #[serde(default)]
     pub camera: Vec<CameraSettings>,
+    /// How late measurements are heard of; default: not at all.
+    #[serde(default)]
+    pub latency: LatencySettings,
     /// Named joint values; joints left out stay where they are. `carry` (folded for driving), `ready_down` and
     /// `ready_front` (unfolded, the tool pointing down and forward) must exist.
     #[serde(default)]
@@ -63,6 +69,9 @@ pub struct RobotSettings {
     /// The arm controller; default: see each of its values.
     #[serde(default)]
     pub control: ControllerConfig,
+    /// The safety envelope; default: see each of its values.
+    #[serde(default)]
+    pub safety: SafetySettings,
 }
 
 /// How the base moves.
@@ -201,6 +210,50 @@ pub struct CameraSettings {
     #[serde(default = "default_nearest_m")]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub nearest_m: f64,
+    /// How long after its exposure a frame is handed out, in seconds; [0, 0.4], default 0. Its stamp is the exposure.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 0.4))]
+    pub latency_s: f64,
+    /// Where the camera really is, seen from `frame`, in metres along the frame's x, y and z; [-0.5, 0.5] each, default 0.
+    /// `dsm calibrate` estimates it.
+    #[serde(default)]
+    #[schemars(inner(range(min = -0.5, max = 0.5)))]
+    pub offset_xyz_m: [f64; 3],
+    /// How the camera is turned, seen from `frame`, as roll, pitch and yaw about the frame's x, y and z (applied in this
+    /// order, as in a URDF) in radians; [-0.5, 0.5] each, default 0.
+    #[serde(default)]
+    #[schemars(inner(range(min = -0.5, max = 0.5)))]
+    pub offset_rpy_rad: [f64; 3],
+}
+
+impl CameraSettings {
+    /// `frame_from_camera`: identity unless the camera was calibrated.
+    pub fn frame_from_camera(&self) -> Pose {
+        let [roll, pitch, yaw] = self.offset_rpy_rad;
+        let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        Pose::from_parts(Vector3::from(self.offset_xyz_m).into(), rotation)
+    }
+}
+
+/// `[latency]`: how late measurements are heard of. Their stamps say when they were true.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LatencySettings {
+    /// Joint states, in seconds; [0, 0.4], default 0.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 0.4))]
+    pub joints_s: f64,
+    /// Poses of localisation and odometry, in seconds; [0, 0.4], default 0.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 0.4))]
+    pub localisation_s: f64,
+}
+
+impl RobotSettings {
+    /// Whether anything is heard of late, so that frames need the pose of their own moment.
+    pub fn has_latency(&self) -> bool {
+        self.latency != LatencySettings::default() || self.camera.iter().any(|camera| camera.latency_s > 0.0)
+    }
 }
 
 fn default_wrist_length_m() -> f64 {

@@ -158,7 +158,16 @@ fn quantise(z: f32, noise: f32, disparity_of_1_m: f32, sigma: f32, max_range_m: 
     let measured = disparity_of_1_m * 8.0 / steps;
     let measured = if measured <= max_range_m { measured } else { 0.0 };
     let measured = if steps >= 1.0 { measured } else { 0.0 };
-    if z > 0.0 { measured } else { 0.0 }
+    whole_millimetres(if z > 0.0 { measured } else { 0.0 })
+}
+
+/// Depth as a camera hands it out: 16 bits of whole millimetres, no return beyond 65.535 m. What is recorded in as many bits
+/// is then what the robot saw.
+#[inline(always)]
+pub(super) fn whole_millimetres(depth_m: f32) -> f32 {
+    let mm = (depth_m * 1000.0 + 0.5).floor();
+    let mm = if mm <= 65_535.0 { mm } else { 0.0 };
+    mm / 1000.0
 }
 
 /// The rise of the inverse depth per pixel towards the neighbour that differs more.

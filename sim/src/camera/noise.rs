@@ -1,6 +1,6 @@
 //! The sensor model: what a cheap RGB-D camera makes of the true image.
 
-use super::depth_noise::DepthNoise;
+use super::depth_noise::{DepthNoise, whole_millimetres};
 use super::normal_table::NormalTable;
 use super::rig::TrueImage;
 use dsm::camera::CameraModel;
@@ -115,7 +115,7 @@ impl NoiseParameters {
 pub struct SensedImage {
     /// Colour, sRGB, row-major.
     pub color: Vec<[u8; 3]>,
-    /// Depth along z in metres, row-major; 0 means no return.
+    /// Depth along z in metres, whole millimetres, row-major; 0 means no return.
     pub depth_m: Vec<f32>,
 }
 
@@ -136,7 +136,7 @@ struct Noise {
 }
 
 impl SensorModel {
-    /// The preset `oracle`: the sensed image is the true one.
+    /// The preset `oracle`: the sensed image is the true one, its depth in whole millimetres.
     pub fn oracle() -> Self {
         Self { noise: None }
     }
@@ -158,7 +158,8 @@ impl SensorModel {
     /// threads does not matter.
     pub fn sense(&self, image: &TrueImage, model: &CameraModel, key: NoiseKey) -> SensedImage {
         let Some(noise) = &self.noise else {
-            return SensedImage { color: image.color.clone(), depth_m: image.depth_m.clone() };
+            let depth_m = image.depth_m.iter().map(|&depth_m| whole_millimetres(depth_m)).collect();
+            return SensedImage { color: image.color.clone(), depth_m };
         };
         let mut sensed = SensedImage { color: image.color.clone(), depth_m: vec![0.0; image.depth_m.len()] };
         let width = model.width as usize;

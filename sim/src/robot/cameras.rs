@@ -78,6 +78,8 @@ struct SimCamera {
     link: usize,
     model: CameraModel,
     period: Span,
+    /// From exposure to handing out.
+    latency: Span,
     next: Stamp,
     /// The newest capture that is ready, then those on their way.
     waiting: VecDeque<Capture>,
@@ -112,6 +114,7 @@ impl SimCameras {
                 link,
                 model: CameraModel::from_vertical_fov(settings.width, settings.height, settings.vertical_fov_rad),
                 period: Span::from_s(1.0 / settings.rate_hz),
+                latency: Span::from_s(settings.latency_s),
                 next: physics.now(),
                 waiting: VecDeque::new(),
             });
@@ -139,7 +142,7 @@ impl SimCameras {
             camera.waiting.push_back(Capture {
                 id,
                 stamp: now,
-                ready: now + conditions.late,
+                ready: now + conditions.late + camera.latency,
                 light: conditions.light,
                 world_from_bodies: (0..self.body_count).map(|body| physics.world_from_body(body)).collect(),
                 world_from_links: (0..links).map(|link| physics.world_from_link(link)).collect(),

@@ -1,5 +1,6 @@
 //! Where the robot believes it is: the truth with a bounded wander, and odometry that drifts.
 
+use super::delay::Delay;
 use dsm::Pose;
 use dsm::time::Stamp;
 use dsm_robot::drivers::{DriverError, Localisation, StampedPose};
@@ -70,6 +71,8 @@ pub(super) struct SimLocalisation {
     turn_scale: f64,
     /// What is added to the believed pose: x, y and yaw.
     jump: [f64; 3],
+    /// `world_from_base` and `odom_from_base` as they are heard of.
+    heard: Delay<[StampedPose; 2]>,
 }
 
 impl SimLocalisation {
@@ -91,7 +94,8 @@ impl SimLocalisation {
         } else {
             [Wander::default(); 3]
         };
-        Self {
+        let first = [StampedPose { stamp, pose: Pose::identity() }; 2];
+        let mut localisation = Self {
             config,
             rng,
             stamp,
@@ -101,12 +105,27 @@ impl SimLocalisation {
             path_scale,
             turn_scale,
             jump: [0.0; 3],
-        }
+            heard: Delay::new(0.0, stamp, first),
+        };
+        localisation.heard = Delay::new(0.0, stamp, localisation.measured());
+        localisation
+    }
+
+    /// Lets all that it measures be heard of so much later.
+    pub(super) fn heard_after(mut self, latency_s: f64) -> Self {
+        self.heard = Delay::new(latency_s, self.stamp, self.measured());
+        self
+    }
+
+    /// What holds at the last tick.
+    fn measured(&self) -> [StampedPose; 2] {
+        [self.world_from_base_now(), self.odom_from_base].map(|pose| StampedPose { stamp: self.stamp, pose })
     }
 
     /// Sets what is wrong with the believed pose from now on: shift in metres, turn in radians.
     pub(super) fn set_jump(&mut self, jump: [f64; 3]) {
         self.jump = jump;
+        self.heard.measure(self.stamp, self.measured());
     }
 
     /// Follows the base to its true pose at `now`, while its wheels have the share `grip` of their hold on the floor.
@@ -125,6 +144,7 @@ impl SimLocalisation {
         }
         self.stamp = now;
         self.truth = *world_from_base;
+        self.heard.measure(now, self.measured());
     }
 
     /// The believed pose at the last tick.
@@ -142,11 +162,11 @@ const WANDER_AXIS_M: f64 = WANDER_M * std::f64::consts::FRAC_1_SQRT_2;
 
 impl Localisation for SimLocalisation {
     fn world_from_base(&mut self) -> Result<StampedPose, DriverError> {
-        Ok(StampedPose { stamp: self.stamp, pose: self.world_from_base_now() })
+        Ok(self.heard.heard()[0])
     }
 
     fn odom_from_base(&mut self) -> Result<StampedPose, DriverError> {
-        Ok(StampedPose { stamp: self.stamp, pose: self.odom_from_base })
+        Ok(self.heard.heard()[1])
     }
 }
 

@@ -1,14 +1,15 @@
 //! Base, joint groups, gripper and emergency stop: latched commands and measured states.
 
 use super::SimRobotError;
+use super::delay::Delay;
 use crate::physics::{JointTarget, Physics};
-use dsm::time::{Span, Stamp};
-use dsm_robot::drivers::{Base, DriverError, EmergencyStop, Gripper, GripperState, JointGroup, JointState, Twist};
+use dsm::time::Stamp;
+use dsm_robot::drivers::{
+    Base, DRIVER_TIMEOUT, DriverError, EmergencyStop, Gripper, GripperState, JointGroup, JointState, Twist,
+};
 use dsm_robot::joints::{JointPositions, JointVelocities};
 use dsm_robot::model::{Group, RobotModel};
 
-/// A base that hears nothing for this long stops.
-const COMMAND_TIMEOUT: Span = Span(500_000_000);
 /// Speed at which the fingers close or open, metres per second each.
 const FINGER_SPEED_M_PER_S: f64 = 0.05;
 /// Fingers slower than this stand still, metres per second.
@@ -60,7 +61,7 @@ impl SimBase {
 
     /// What the wheels are to do now: the newest command unless it is too old.
     pub(super) fn twist_at(&self, now: Stamp) -> Twist {
-        if now - self.commanded_at > COMMAND_TIMEOUT { Twist::default() } else { self.commanded }
+        if now - self.commanded_at > DRIVER_TIMEOUT { Twist::default() } else { self.commanded }
     }
 
     /// Reads the wheels, which have the share `grip` of their hold on the floor.
@@ -94,11 +95,13 @@ pub(super) struct SimGroup {
     joints: Vec<usize>,
     max_speeds: Vec<f64>,
     commanded: JointVelocities,
-    state: JointState,
+    commanded_at: Stamp,
+    now: Stamp,
+    state: Delay<JointState>,
 }
 
 impl SimGroup {
-    pub(super) fn new(group: &Group, physics: &dyn Physics) -> Result<Self, SimRobotError> {
+    pub(super) fn new(group: &Group, latency_s: f64, physics: &dyn Physics) -> Result<Self, SimRobotError> {
         let joints = group.joints.iter().map(|name| find_joint(physics, name)).collect::<Result<Vec<_>, _>>()?;
         let state = JointState {
             stamp: physics.now(),
@@ -110,21 +113,27 @@ impl SimGroup {
             joints,
             max_speeds: group.limits.iter().map(|limits| limits.velocity).collect(),
             commanded: JointVelocities::zeros(&group.joints),
-            state,
+            commanded_at: physics.now(),
+            now: physics.now(),
+            state: Delay::new(latency_s, physics.now(), state),
         })
     }
 
-    pub(super) fn commands(&self) -> impl Iterator<Item = (usize, f64)> {
-        self.joints.iter().copied().zip(self.commanded.values().iter().copied())
+    /// What the motors are to do now: the newest command unless it is too old.
+    pub(super) fn commands_at(&self, now: Stamp) -> impl Iterator<Item = (usize, f64)> {
+        let share = if now - self.commanded_at > DRIVER_TIMEOUT { 0.0 } else { 1.0 };
+        self.joints.iter().copied().zip(self.commanded.values().iter().map(move |velocity| share * velocity))
     }
 
     pub(super) fn measure(&mut self, physics: &dyn Physics) {
-        self.state.stamp = physics.now();
+        self.now = physics.now();
         let (positions, velocities) = (physics.joint_positions(), physics.joint_velocities());
+        let mut state = JointState { stamp: physics.now(), ..self.state.heard().clone() };
         for (index, joint) in self.joints.iter().enumerate() {
-            self.state.positions.values_mut()[index] = positions.values()[*joint];
-            self.state.velocities.values_mut()[index] = velocities.values()[*joint];
+            state.positions.values_mut()[index] = positions.values()[*joint];
+            state.velocities.values_mut()[index] = velocities.values()[*joint];
         }
+        self.state.measure(physics.now(), state);
     }
 }
 
@@ -141,11 +150,12 @@ impl JointGroup for SimGroup {
             sent.values_mut()[index] = finite(velocity, &format!("velocity of {name}"))?.clamp(-max, max);
         }
         self.commanded = sent.clone();
+        self.commanded_at = self.now;
         Ok(sent)
     }
 
     fn state(&mut self) -> Result<JointState, DriverError> {
-        Ok(self.state.clone())
+        Ok(self.state.heard().clone())
     }
 }
 

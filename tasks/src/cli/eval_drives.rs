@@ -10,6 +10,7 @@ use crate::run::RunSpec;
 use crate::settings::Settings;
 use crate::survey::drive;
 use dsm::store::write_atomically;
+use dsm_robot::safety::StopSwitch;
 use dsm_sim::replay::Moment;
 use dsm_sim::scene::{HomeConfig, generate_home};
 use serde::{Deserialize, Serialize};
@@ -162,6 +163,7 @@ fn spec(scene: &Path, seed: u64, settings: &Settings) -> RunSpec {
         seed,
         time_limit_s: settings.time_limit_s.value,
         permute_labels: false,
+        stop: StopSwitch::default(),
     }
 }
 

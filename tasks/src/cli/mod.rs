@@ -3,6 +3,8 @@
 mod bench;
 mod bench_map;
 mod build;
+mod calibrate;
+mod drivers;
 mod eval;
 mod eval_drives;
 mod eval_episodes;
@@ -15,6 +17,7 @@ mod info;
 mod map;
 mod output;
 mod record;
+mod replay;
 mod robot;
 mod run;
 mod scene;
@@ -122,6 +125,10 @@ pub enum Command {
     Explore(explore::ExploreArgs),
     /// Run an episode and keep what its map was made of: an RGB-D sequence with detections.
     Record(record::RecordArgs),
+    /// Run a recording of `dsm run --record` again, without its world, and say where it first differs.
+    Replay(replay::ReplayArgs),
+    /// Estimate how a camera is mounted from a recording of a head that turns.
+    Calibrate(calibrate::CalibrateArgs),
     /// Map a recorded sequence, own or others' (TUM, Replica, ScanNet), without a simulator.
     Build(build::BuildArgs),
     /// Answer questions about a map over HTTP on this machine or as an MCP server; nothing can be changed.
@@ -140,6 +147,9 @@ pub enum Command {
     /// Look into a robot.
     #[command(subcommand)]
     Robot(robot::RobotCommand),
+    /// Hold a robot's drivers to their contract.
+    #[command(subcommand)]
+    Drivers(drivers::DriversCommand),
     /// Show the configuration.
     #[command(subcommand)]
     Config(info::ConfigCommand),
@@ -164,6 +174,8 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Suite(args) => suite::run(args),
         Command::Explore(args) => explore::run(args),
         Command::Record(args) => record::run(args),
+        Command::Replay(args) => replay::run(args),
+        Command::Calibrate(args) => calibrate::run(args),
         Command::Build(args) => build::run(args),
         Command::ServeMap(args) => serve::run(args),
         Command::Ground(args) => ground::run(args),
@@ -171,6 +183,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Map(command) => map::run(command),
         Command::Scene(command) => scene::run(command),
         Command::Robot(command) => robot::run(command),
+        Command::Drivers(command) => drivers::run(command),
         Command::Config(command) => info::config(command),
         Command::Bench(args) => bench::run(args),
         Command::Completions { shell } => info::completions(shell),

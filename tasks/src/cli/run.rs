@@ -2,19 +2,24 @@
 
 use super::info::holds_key;
 use super::output::{prepare_folder, to_json};
+use super::replay::not_built_in;
 use super::view::{DEFAULT_PORT, View};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
 use crate::failure_page::{FAILURE_FILE, failure_page};
 use crate::perception::Tape;
-use crate::run::{Finished, Progress, RunSpec, run_taped};
+use crate::replay::{EntryFile, Recorder, RecordingEnd};
+use crate::run::{Finished, Progress, RunSpec, run_kept};
+use crate::session::Keep;
 use crate::settings::Settings;
 use crate::summary::Summary;
 use dsm::store::write_atomically;
+use dsm_robot::safety::StopSwitch;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use std::fmt::Write;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,6 +39,13 @@ pub struct RunArgs {
     /// takes a free port. Changes no result.
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = DEFAULT_PORT)]
     view: Option<u16>,
+    /// Record all that the drivers are asked and answer, frames, detections and events as MCAP, which viewers open and
+    /// `dsm replay` runs again. Changes no result. Needs the feature `mcap`.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Bound of the recording in megabytes; it ends there, and the run goes on.
+    #[arg(long, value_name = "MB", default_value_t = 8192, value_parser = clap::value_parser!(u64).range(1..=1_000_000), requires = "record")]
+    record_max_mb: u64,
 }
 
 /// All wall times of a run.
@@ -60,17 +72,50 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<u8> {
     let view = args.view.map(open).transpose()?;
     let folder = prepare_folder(&args.out, &default_folder(&spec))?;
     let interrupted = catch_interrupt()?;
+    listen_for_stop(spec.stop.clone());
     let bar = progress_bar(spec.time_limit_s);
     let mut progress: Box<dyn Progress> = Box::new(BarProgress { bar: bar.clone() });
     if let Some(view) = &view {
         tracing::warn!("watch at {}", view.address);
         progress = view.watch(progress);
     }
-    let summary = run_and_write(&spec, &folder, interrupted.clone(), progress)?;
+    let recorder = args.record.as_deref().map(|file| start_recording(file, args.record_max_mb)).transpose()?;
+    let keep = Keep { tapes: Vec::new(), recorder };
+    let finished = run_kept_and_write(&spec, &folder, keep, interrupted.clone(), progress)?;
     bar.finish_and_clear();
     drop(view);
+    let summary = finished.summary;
     Output::new(args.result).give(&summary, || describe(&summary, &folder))?;
+    tell_of_recording(finished.recorded)?;
     Ok(exit_code(&summary, interrupted.load(Ordering::Relaxed)))
+}
+
+/// Creates a recording of a run.
+type Create = fn(&Path) -> Result<Box<dyn EntryFile>, TaskError>;
+
+#[cfg(feature = "mcap")]
+const CREATE: Option<Create> = Some(crate::mcap_file::create_run);
+#[cfg(not(feature = "mcap"))]
+const CREATE: Option<Create> = None;
+
+fn start_recording(file: &Path, max_mb: u64) -> Result<Recorder, TaskError> {
+    let create = CREATE.ok_or_else(|| not_built_in("--record"))?;
+    Ok(Recorder::start(create(file)?, max_mb << 20))
+}
+
+/// A recording that is not whole is told of; one that broke is an error, after all else is done.
+fn tell_of_recording(recorded: Option<RecordingEnd>) -> Result<(), TaskError> {
+    match recorded {
+        Some(RecordingEnd::Full { stamp }) => {
+            tracing::warn!("the recording is full and ends at {:.2} s of the run", stamp.as_s());
+            Ok(())
+        }
+        Some(RecordingEnd::Broken { stamp, source }) => {
+            tracing::error!("the recording ends at {:.2} s of the run", stamp.as_s());
+            Err(source.into())
+        }
+        Some(RecordingEnd::Whole { .. }) | None => Ok(()),
+    }
 }
 
 /// Reads the episode and resolves the settings.
@@ -88,6 +133,7 @@ pub fn prepare(file: &Path, world: &WorldArgs) -> Result<(RunSpec, Settings), Ta
         seed: settings.seed.value,
         time_limit_s: settings.time_limit_s.value,
         permute_labels: false,
+        stop: StopSwitch::default(),
         episode,
     };
     Ok((spec, settings))
@@ -111,10 +157,20 @@ pub(super) fn run_taped_and_write(
     interrupted: Arc<AtomicBool>,
     progress: Box<dyn Progress>,
 ) -> Result<Finished, TaskError> {
+    run_kept_and_write(spec, folder, Keep { tapes, recorder: None }, interrupted, progress)
+}
+
+fn run_kept_and_write(
+    spec: &RunSpec,
+    folder: &Path,
+    keep: Keep,
+    interrupted: Arc<AtomicBool>,
+    progress: Box<dyn Progress>,
+) -> Result<Finished, TaskError> {
     // Wall time is measured here, at the edge, and goes into timing.json alone.
     #[expect(clippy::disallowed_methods)]
     let begin = std::time::Instant::now();
-    let finished = run_taped(spec, Some(&folder.join("map.dsm")), tapes, interrupted, progress)?;
+    let finished = run_kept(spec, Some(&folder.join("map.dsm")), keep, interrupted, progress)?;
     let run_s = begin.elapsed().as_secs_f64();
     let sim_time_s = finished.summary.metrics.sim_time_s;
     let timing = |wall_s: f64| Timing {
@@ -154,6 +210,21 @@ pub(super) fn catch_interrupt() -> Result<Arc<AtomicBool>, TaskError> {
     let set = flag.clone();
     ctrlc::set_handler(move || set.store(true, Ordering::Relaxed)).map_err(|e| TaskError::Internal(e.to_string()))?;
     Ok(flag)
+}
+
+/// Lets whoever sits at a terminal stop the robot: `s` or a space, and Enter. Where nobody sits, nothing is read.
+fn listen_for_stop(switch: StopSwitch) {
+    if !std::io::stdin().is_terminal() {
+        return;
+    }
+    tracing::info!("`s` and Enter stop the robot");
+    // It ends with the process: nothing else wakes who waits for a key.
+    std::thread::spawn(move || {
+        let mut lines = std::io::stdin().lines().map_while(Result::ok);
+        if lines.any(|line| line == " " || line.trim().eq_ignore_ascii_case("s")) {
+            switch.press("the emergency stop was pressed at the terminal");
+        }
+    });
 }
 
 /// Sets the number of worker threads, once per process.

@@ -16,7 +16,7 @@ use dsm::knowledge::Knowledge;
 use dsm_sim::disturb::DisturbanceKind;
 use dsm_sim::scene::{SceneModel, Semantics};
 use home::{Home, HomeObject};
-use open::{find_fetching, find_opening, find_parts};
+use open::{find_closing, find_fetching, find_opening, find_parts};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -55,6 +55,10 @@ pub enum Kind {
     OpenDrawer,
     /// Open a hinged door of a piece of furniture; in such homes only.
     OpenDoor,
+    /// Close a drawer that stands open; in such homes only.
+    CloseDrawer,
+    /// Close a hinged door that stands open; in such homes only.
+    CloseDoor,
     /// Take a thing out of a closed drawer; in such homes only.
     FetchInside,
 }
@@ -120,6 +124,8 @@ pub fn write_episodes(
         let task = match kind {
             Kind::OpenDrawer => find_opening(true, &home, &parts, &stands, knowledge, &mut used, &mut rng),
             Kind::OpenDoor => find_opening(false, &home, &parts, &stands, knowledge, &mut used, &mut rng),
+            Kind::CloseDrawer => find_closing(true, &home, &parts, &stands, knowledge, &mut used, &mut rng),
+            Kind::CloseDoor => find_closing(false, &home, &parts, &stands, knowledge, &mut used, &mut rng),
             Kind::FetchInside => find_fetching(&home, &parts, &stands, knowledge, &mut used, &mut rng),
             kind => find_task(*kind, disturbance, &home, knowledge, &mut used, &mut rng),
         };
@@ -152,6 +158,8 @@ struct Task {
     body: Option<String>,
     /// What disturbs it, as its file has it.
     disturbance: String,
+    /// What stands open at the start, as its file has it.
+    open: String,
     kind: &'static str,
     why: String,
     command: String,
@@ -167,8 +175,8 @@ impl Task {
         let _ = write!(
             text,
             "scene = \"../scene.xml\"\nrobot = \"porter\"\nseed = {seed}\ntime_limit_s = {}\n\n{explore}[[step]]\ncommand = \"{}\"\n\n\
-             [[expect]]\n{}\n{}",
-            self.time_limit_s, self.command, self.expect, self.disturbance
+             [[expect]]\n{}\n{}{}",
+            self.time_limit_s, self.command, self.expect, self.open, self.disturbance
         );
         text
     }
@@ -183,7 +191,7 @@ fn find_task(
     rng: &mut ChaCha8Rng,
 ) -> Option<Task> {
     match kind {
-        Kind::OpenDrawer | Kind::OpenDoor | Kind::FetchInside => None,
+        Kind::OpenDrawer | Kind::OpenDoor | Kind::CloseDrawer | Kind::CloseDoor | Kind::FetchInside => None,
         Kind::Room => {
             let rooms: Vec<&String> = home.rooms.iter().filter(|room| !used.contains(room)).collect();
             let room = (*rooms.get(rng.random_range(0..rooms.len().max(1)))?).clone();
@@ -191,6 +199,7 @@ fn find_task(
             Some(Task {
                 body: None,
                 disturbance: String::new(),
+                open: String::new(),
                 kind: "room",
                 why: "Only what stands in a room tells which it is.".into(),
                 command: format!("Go to the {room}"),
@@ -206,6 +215,7 @@ fn find_task(
             Some(Task {
                 body: Some(body.clone()),
                 disturbance: String::new(),
+                open: String::new(),
                 kind: "navigate",
                 why: others,
                 command: format!("{verb} the {name}"),
@@ -222,6 +232,7 @@ fn find_task(
             Some(Task {
                 body: Some(body.clone()),
                 disturbance: String::new(),
+                open: String::new(),
                 kind: "grasp",
                 why: others,
                 command: format!("{verb} the {name}"),
@@ -241,6 +252,7 @@ fn find_task(
             Some(Task {
                 body: Some(body.clone()),
                 disturbance: String::new(),
+                open: String::new(),
                 kind: "place",
                 why: others,
                 command,

@@ -1,4 +1,4 @@
-//! Commands to open drawers: which ones a robot can get at, and what they are called.
+//! Commands to open and close drawers and doors: which ones a robot can get at, and what they are called.
 
 use super::home::Home;
 use super::reach::Stands;
@@ -6,7 +6,7 @@ use super::words::find_names;
 use super::{OPEN_LIMIT_S, Task};
 use dsm::knowledge::Knowledge;
 use dsm_sim::scene::{JointMotion, SceneBody, SceneJoint, SceneModel, SceneShape};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -17,6 +17,8 @@ const HANDLE_M: (f64, f64) = (0.3, 1.15);
 const FLOOR_M: [f64; 4] = [0.6, 0.75, 0.9, 1.05];
 /// Room towards the hinge that it takes to swing a door, metres.
 const ASIDE_M: f64 = 0.3;
+/// Doors that are to be closed stand open by so much, radians.
+const DOOR_RAD: (f64, f64) = (0.4, 1.0);
 /// Handles of one height differ by less, metres.
 const ROW_M: f64 = 0.05;
 
@@ -35,6 +37,8 @@ pub(super) struct HomePart {
     pub contents: Vec<usize>,
     /// A point on the hinge of a door.
     pub hinge: Option<Point3<f64>>,
+    /// All its way, metres or radians.
+    pub way: f64,
 }
 
 /// The parts of a home's furniture as they stand.
@@ -69,7 +73,8 @@ fn part_of(home: &Home, model: &SceneModel, joint: &SceneJoint) -> Option<HomePa
     let hinge = (!slides).then_some(Point3::from(at));
     let contents =
         (0..home.objects.len()).filter(|i| home.objects[*i].free && holds(part, &home.objects[*i].at)).collect();
-    Some(HomePart { body: part.name.clone(), whole, slides, handle, normal, contents, hinge })
+    let way = joint.range.map_or(0.0, |[low, high]| high - low);
+    Some(HomePart { body: part.name.clone(), whole, slides, handle, normal, contents, hinge, way })
 }
 
 /// Whether a point lies within the box around a body.
@@ -173,6 +178,7 @@ pub(super) fn find_opening(
         Some(Task {
             body: None,
             disturbance: String::new(),
+            open: String::new(),
             kind: if slides { "open_drawer" } else { "open_door" },
             why: format!("It is {}.", part.body),
             command: format!("{verb} the {place}{noun} of the {name}"),
@@ -181,6 +187,62 @@ pub(super) fn find_opening(
             explores_first: false,
         })
     })
+}
+
+/// A drawer (`slides`) or door that was not used yet and stands open at the start, to be closed.
+pub(super) fn find_closing(
+    slides: bool,
+    home: &Home,
+    parts: &[HomePart],
+    stands: &Stands,
+    knowledge: &Knowledge,
+    used: &mut Vec<String>,
+    rng: &mut ChaCha8Rng,
+) -> Option<Task> {
+    let mut candidates = within_reach(home, parts, stands);
+    candidates.retain(|part| part.slides == slides && part.way > 0.0 && !used.contains(&part.body));
+    candidates.shuffle(rng);
+    candidates.into_iter().find_map(|part| {
+        let place = find_place(part, parts)?;
+        let names = find_names(part.whole, home, knowledge);
+        let name = names.get(rng.random_range(0..names.len().max(1)))?;
+        let share =
+            if slides { rng.random_range(0.5..=1.0) } else { rng.random_range(DOOR_RAD.0..=DOOR_RAD.1) / part.way };
+        let room = home.objects[part.whole].room.as_deref();
+        let is_free = |place: &Point2<f64>| stands.has(place, room);
+        if !places_to_push(part, share * part.way).iter().all(is_free) {
+            return None;
+        }
+        used.push(part.body.clone());
+        let whole = &home.objects[part.whole].body;
+        let verb = ["Close", "Shut"][rng.random_range(0..2)];
+        let noun = if slides { "drawer" } else { "door" };
+        Some(Task {
+            body: None,
+            disturbance: String::new(),
+            open: format!("\n[[open]]\npart = \"{}\"\nshare = {share:.2}\n", part.body),
+            kind: if slides { "close_drawer" } else { "close_door" },
+            why: format!("It is {}.", part.body),
+            command: format!("{verb} the {place}{noun} of the {name}"),
+            expect: format!("kind = \"joint_closed\"\nobject = \"{whole}\"\npart = \"{}\"", part.body),
+            time_limit_s: OPEN_LIMIT_S,
+            explores_first: false,
+        })
+    })
+}
+
+/// Where the base must be able to stand to push a part that is open by so much, metres or radians, to its end.
+fn places_to_push(part: &HomePart, open_by: f64) -> Vec<Point2<f64>> {
+    let Some(hinge) = part.hinge else {
+        return FLOOR_M.iter().map(|away_m| (part.handle + part.normal * (open_by + away_m)).xy()).collect();
+    };
+    // Where the handle is goes about the hinge; what pushes it goes the straight way from there to its end.
+    let across = Vector3::z().cross(&part.normal);
+    let sense = (hinge - part.handle).dot(&across).signum();
+    let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), sense * open_by);
+    let open = hinge + turned * (part.handle - hinge);
+    let way = (part.handle - open).xy().normalize();
+    FLOOR_M.iter().map(|away_m| open.xy() - way * *away_m).collect()
 }
 
 /// A thing in a drawer that was not used yet, to be taken out; the only one of its kind there.
@@ -211,6 +273,7 @@ pub(super) fn find_fetching(
         Some(Task {
             body: None,
             disturbance: String::new(),
+            open: String::new(),
             kind: "fetch_inside",
             why: format!("It lies in {}.", part.body),
             command: format!("{verb} the {noun} out of the {place}drawer of the {name}"),

@@ -55,6 +55,7 @@ fn taken_and_put(placed: &Task) -> Option<[Task; 2]> {
     let part = |command: String, expect: String| Task {
         body: placed.body.clone(),
         disturbance: String::new(),
+        open: String::new(),
         kind: "sequence",
         why: placed.why.clone(),
         command,

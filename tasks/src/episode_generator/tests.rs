@@ -1,7 +1,7 @@
 //! Contract: generated episodes are valid, name bodies that are there, and their words mean one thing only.
 use super::*;
 use crate::episode::{Episode, ExpectationKind, SkillName};
-use dsm::ground::{parse_command, split_sequence};
+use dsm::ground::{Action, PartKind, parse_command, split_sequence};
 use dsm_sim::scene::{Furniture, HomeConfig, generate_home};
 use std::path::Path;
 
@@ -223,4 +223,30 @@ fn drawers_that_can_be_come_to_are_called_by_what_tells_them_apart() {
     let mut unique = commands.clone();
     unique.dedup();
     assert_eq!(unique, commands);
+}
+
+#[test]
+fn what_is_to_be_closed_stands_open_at_the_start() {
+    let knowledge = Knowledge::embedded().unwrap();
+    let mut kinds = Vec::new();
+    for seed in 20..24 {
+        let (folder, model, semantics) = load_home_with(seed, Furniture::Articulated);
+        let asked = [Kind::CloseDrawer, Kind::CloseDoor];
+        for generated in write_episodes(&model, &semantics, &knowledge, seed, 4, (&asked, None)) {
+            let path = folder.path().join(format!("{}.toml", generated.name));
+            std::fs::write(&path, &generated.text).unwrap();
+            let episode = Episode::load(&path).unwrap_or_else(|error| panic!("{error}\n{}", generated.text));
+            let ([open], expect) = (&episode.open[..], &episode.expectations[0]) else { panic!("{}", generated.text) };
+            assert_eq!((expect.kind, expect.part.as_ref()), (ExpectationKind::JointClosed, Some(&open.part)));
+            let joint = model.joints.iter().find(|joint| model.bodies[joint.part].name == open.part);
+            assert!(joint.is_some_and(|joint| joint.range.is_some()), "{}", generated.text);
+            let command = episode.steps[0].command.clone().unwrap();
+            let parsed = parse_command(&command, &knowledge).unwrap_or_else(|error| panic!("{command}: {error}"));
+            assert!(parsed.action == Action::Close && parsed.part.is_some(), "{command}: {parsed:?}");
+            kinds.push(parsed.part.and_then(|part| part.kind));
+        }
+    }
+    for kind in [PartKind::Drawer, PartKind::Door] {
+        assert!(kinds.iter().filter(|k| **k == Some(kind)).count() >= 2, "{kinds:?}");
+    }
 }

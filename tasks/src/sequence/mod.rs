@@ -14,6 +14,8 @@ mod images;
 mod read;
 mod record;
 
+#[cfg(feature = "mcap")]
+pub(crate) use images::{decode_color, decode_depth};
 pub use read::{Layout, Options, Sequence};
 pub use record::SequenceRecorder;
 
@@ -22,9 +24,10 @@ use dsm::build::Carrier;
 use dsm::camera::CameraModel;
 use dsm::frame::FrameId;
 use dsm::geometry::OrientedBox;
+use dsm::map::ObjectId;
 use dsm::perceive::{Detection, Mask, Run};
 use dsm::time::Stamp;
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Version of the layout.
@@ -63,17 +66,19 @@ pub(crate) struct FrameLine {
 pub(crate) struct CarrierLine {
     pub(crate) bodies: Vec<OrientedBox>,
     pub(crate) footprint: Option<(Point2<f64>, f64)>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) moved: Vec<(ObjectId, Vector3<f64>)>,
 }
 
 impl From<&Carrier> for CarrierLine {
     fn from(carrier: &Carrier) -> Self {
-        Self { bodies: carrier.bodies.clone(), footprint: carrier.footprint }
+        Self { bodies: carrier.bodies.clone(), footprint: carrier.footprint, moved: carrier.moved.clone() }
     }
 }
 
 impl From<CarrierLine> for Carrier {
     fn from(line: CarrierLine) -> Self {
-        Self { bodies: line.bodies, footprint: line.footprint }
+        Self { bodies: line.bodies, footprint: line.footprint, moved: line.moved }
     }
 }
 

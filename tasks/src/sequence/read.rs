@@ -1,7 +1,7 @@
 //! Reads a sequence frame by frame, whatever its layout.
 
 use super::foreign;
-use super::images::{read_color, read_depth};
+use super::images::{metres, read_color, read_depth};
 use super::{DetectionsLine, FrameLine, Head, VERSION};
 use crate::error::TaskError;
 use dsm::build::Carrier;
@@ -151,7 +151,7 @@ impl Sequence {
         };
         let depth_m = match &line.exact_depth {
             Some(name) => read_exact(&self.folder.join(name), model.pixel_count())?,
-            None => depth.values.iter().map(|units| (f64::from(*units) * self.depth_unit_mm * 1e-3) as f32).collect(),
+            None => depth.values.iter().map(|units| metres(*units, self.depth_unit_mm)).collect(),
         };
         let recorded = self.detections.as_ref().and_then(|all| all.get(&line.id));
         let detector = recorded.map(|found| found.detector.clone()).unwrap_or_default();

@@ -121,6 +121,14 @@ impl<'a> Drive<'a> {
             let sent = agent.slowed(output.twist)?;
             follower.note_sent(sent);
             agent.tick(sent, &still)?;
+            if agent.is_held() {
+                // A base that is held does not get on, and nothing is in its way.
+                agent.await_release()?;
+                agent.take_touch();
+                follower = Follower::new(self.nav.follower.clone(), follower.path().clone());
+                planned_at = Stamp(now.0 - REPLAN_EVERY.0);
+                continue;
+            }
             let status = match output.status {
                 FollowStatus::Following { .. } | FollowStatus::OffPath { .. } if agent.take_touch() => {
                     FollowStatus::Blocked { reason: BlockReason::Stalled }

@@ -140,7 +140,7 @@ pub(super) fn plan_reach(ground: &Ground<'_>, target: &Grabbed, wanted_rad: f64)
 }
 
 /// Joints with the hand at a handle, and with the hand before it, when it can go on from there.
-fn reaches(
+pub(super) fn reaches(
     model: &RobotModel,
     folded: &Configuration,
     base_from_grip: &Pose,

@@ -1,11 +1,10 @@
 //! Grasping: choose a place, drive there, look again, reach, look with the wrist camera, close, lift, verify twice.
 
-use super::Outcome;
 use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
 use super::hold::{Lifted, between_fingers, close, verify};
+use super::meaning::Meaning;
 use super::obstacles::find_obstacles;
-use super::retreat::retreat;
 use super::target::Target;
 use super::wrist::{center_with_wrist, look_back_m, look_pose};
 use crate::agent::{Agent, Halt};
@@ -87,7 +86,7 @@ const TOUCHED_AFTER: Span = Span(300_000_000);
 const ARM_OVER_M: f64 = 1.3;
 
 /// Why a grasp is not even tried.
-const NO_PLACE: &str = "no place from which the object can be reached";
+pub(super) const NO_PLACE: &str = "no place from which the object can be reached";
 
 /// A grasp with joints that reach it, in the frame of a standing base.
 struct Reach {
@@ -95,76 +94,25 @@ struct Reach {
     joints: JointPositions,
 }
 
-/// Drives to an object and lifts it.
-pub fn grasp(agent: &mut Agent, nav: &NavConfig, settings: &GraspSettings, id: ObjectId) -> Result<Outcome, Halt> {
-    match Target::of(agent.map(), id) {
-        Some(target) => grasp_target(agent, nav, settings, &target),
-        None => Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0))),
-    }
+/// One grasp, as it is asked for.
+pub(super) struct GraspTask<'a> {
+    pub(super) nav: &'a NavConfig,
+    pub(super) settings: &'a GraspSettings,
+    pub(super) target: &'a Target,
+    /// What the words that led to it mean; what stands there is held against them from near.
+    pub(super) meaning: Option<&'a Meaning>,
 }
 
-/// As [`grasp`], for an object that stands on something at `support_z_m` which hides its foot.
-pub fn grasp_standing_on(
-    agent: &mut Agent,
-    nav: &NavConfig,
-    settings: &GraspSettings,
-    id: ObjectId,
-    support_z_m: f64,
-) -> Result<Outcome, Halt> {
-    match Target::standing_on(agent.map(), id, support_z_m) {
-        Some(target) => grasp_target(agent, nav, settings, &target),
-        None => Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0))),
-    }
-}
+pub(super) type Attempt = Result<String, (Stage, String)>;
 
-fn grasp_target(
+/// Tries once, from the `attempt`-th best place. `slipped_z_m` remembers at which heights the thing slipped.
+pub(super) fn try_grasp(
     agent: &mut Agent,
-    nav: &NavConfig,
-    settings: &GraspSettings,
-    target: &Target,
-) -> Result<Outcome, Halt> {
-    let id = target.id();
-    let mut last = (Stage::Planning, "no attempt was made".to_owned());
-    let mut slipped_z_m = Vec::new();
-    for attempt in 0..settings.max_attempts {
-        let result = try_grasp(agent, nav, settings, target, attempt, &mut slipped_z_m)?;
-        let now_s = agent.now().as_s();
-        match result {
-            Ok(reason) => return Ok(Outcome::Done(reason)),
-            Err((stage, reason)) => {
-                let picture = agent.find_frame("head").map(|seen| seen.frame.clone());
-                agent.journal.note(
-                    now_s,
-                    format!("grasp attempt {attempt} failed ({stage:?}): {reason}"),
-                    picture.as_ref(),
-                );
-                last = (stage, reason);
-                if stage == Stage::Planning && last.1 == NO_PLACE {
-                    // Nothing has moved, and asking again gives the same answer.
-                    break;
-                }
-                retreat(agent)?;
-                if agent.map().find_object(id).is_none() {
-                    // A nearer look made another object of it: that is for whoever knows the words.
-                    last.0 = Stage::Mapping;
-                    break;
-                }
-            }
-        }
-    }
-    Ok(Outcome::Failed(last.0, format!("{} attempts; the last: {}", settings.max_attempts, last.1)))
-}
-
-type Attempt = Result<String, (Stage, String)>;
-
-fn try_grasp(
-    agent: &mut Agent,
-    nav: &NavConfig,
-    settings: &GraspSettings,
-    target: &Target,
+    task: &GraspTask<'_>,
     attempt: usize,
     slipped_z_m: &mut Vec<f64>,
 ) -> Result<Attempt, Halt> {
+    let &GraspTask { nav, settings, target, meaning } = task;
     // Where to stand.
     let id = target.id();
     let Some(bounds) = target.in_map(agent.map()).find_object(id).map(|o| o.bounds) else {
@@ -189,6 +137,9 @@ fn try_grasp(
     let now_s = agent.now().as_s();
     let picture = agent.find_frame("head").map(|seen| seen.frame.clone());
     agent.journal.note(now_s, "before the object", picture.as_ref());
+    if let Some(reason) = meaning.map_or(Ok(None), |meaning| meaning.find_contradiction(agent, id))? {
+        return Ok(Err((Stage::Grounding, reason)));
+    }
     // Choose a grasp for where the base really stands.
     let (reach, support_z_m) = match choose_grasp(agent, settings, target, slipped_z_m)? {
         Ok(chosen) => chosen,

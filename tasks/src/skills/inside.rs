@@ -5,7 +5,7 @@ use super::fronts::gather;
 use super::pull::creep;
 use crate::agent::{Agent, Gaze, Halt};
 use dsm::ground::{Grounder, Grounding, GroundingStatus};
-use dsm::map::Map;
+use dsm::map::{Map, MapObject, ObjectId};
 use dsm::time::Span;
 use dsm_robot::grasp::Handle;
 use dsm_robot::nav::{NavConfig, Pose2};
@@ -22,6 +22,9 @@ const RISE_M: (f64, f64) = (-0.16, 0.14);
 /// How far beyond the closed front, and from the sides, contents may seem to lie, metres.
 const OFF_M: f64 = 0.06;
 
+/// What is larger does not lie in a drawer, metres.
+const LARGEST_M: f64 = 0.4;
+
 /// A drawer that stands open. World frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpenDrawer {
@@ -34,6 +37,12 @@ pub struct OpenDrawer {
 }
 
 impl OpenDrawer {
+    /// The things of the map that lie where it shows its contents.
+    pub(crate) fn contents(&self, map: &Map) -> Vec<ObjectId> {
+        let lies = |object: &&MapObject| object.bounds.size.max() < LARGEST_M && self.shows(&object.bounds.center);
+        map.stable_objects().filter(lies).map(|object| object.id).collect()
+    }
+
     /// Whether a point lies where an open drawer shows its contents.
     fn shows(&self, point: &Point3<f64>) -> bool {
         let off = point - self.handle.center;

@@ -1,9 +1,11 @@
 //! Skills: what the robot can do. Each is a function that ticks the agent until it is done and answers with a typed
 //! outcome; each is bounded in simulated time.
 
+mod ajar;
 pub mod approach;
 pub mod arm;
 mod carry;
+pub mod close;
 pub mod drive;
 pub mod explore;
 pub mod fallen;
@@ -13,17 +15,21 @@ pub mod grasp;
 pub mod held;
 mod hold;
 pub mod inside;
+pub mod meaning;
 pub mod navigate;
 pub mod obstacles;
 pub mod open;
 pub mod place;
 mod pull;
+mod push;
+pub mod regrip;
 pub mod retreat;
 pub mod search;
 mod seen;
 pub mod spots;
 mod swing;
 mod target;
+pub mod wiggle;
 mod wrist;
 
 use crate::summary::Stage;

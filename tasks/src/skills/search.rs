@@ -118,9 +118,39 @@ pub fn search(
     };
     if outcome != ExploreOutcome::Enough && !doubtful.is_empty() {
         explorer.look_again(agent, end, &doubtful, &mut enough)?;
-        return answer(agent, grounder, text);
+        let second = answer(agent, grounder, text)?;
+        if second.status != GroundingStatus::Absent {
+            return Ok(second);
+        }
+    } else if first.status != GroundingStatus::Absent {
+        return Ok(first);
     }
-    Ok(first)
+    look_where_it_probably_is(agent, explorer, knowledge, (grounder, text), (&named, end), &mut enough)
+}
+
+/// Looks on one carrier after the other, the likeliest and nearest first, for a thing of which nothing is said but what it is.
+fn look_where_it_probably_is(
+    agent: &mut Agent,
+    explorer: &mut Explorer,
+    knowledge: &Knowledge,
+    (grounder, text): (&Arc<Grounder>, &str),
+    (named, end): (&Named, Stamp),
+    enough: &mut dyn FnMut(&Arc<Map>) -> bool,
+) -> Result<Grounding, Halt> {
+    let mut last = answer(agent, grounder, text)?;
+    if last.query.as_ref().is_none_or(|query| !query.target.relations.is_empty()) {
+        return Ok(last);
+    }
+    let here = agent.world_from_base()?.translation.vector.xy().into();
+    for likely in find_likely(agent.map(), knowledge, named, &here) {
+        if last.status != GroundingStatus::Absent || agent.now() >= end {
+            break;
+        }
+        agent.note(format!("looks at object {} ({}) first: {}", likely.id.0, likely.name, likely.reason));
+        explorer.look_again(agent, end, &[likely.id], enough)?;
+        last = answer(agent, grounder, text)?;
+    }
+    Ok(last)
 }
 
 /// Whether the words compare things of one name and the map holds only one of them.
@@ -165,6 +195,34 @@ fn answer(agent: &mut Agent, grounder: &Arc<Grounder>, text: &str) -> Result<Gro
             _ => grounder.ground(&map, &text, Some(&viewer)),
         }
     })
+}
+
+/// A carrier on which a thing may be.
+struct Likely {
+    id: ObjectId,
+    name: String,
+    reason: String,
+}
+
+/// Carriers on which the thing that is asked for probably is, by chance and by how far they are from `here`.
+fn find_likely(map: &Map, knowledge: &Knowledge, named: &Named, here: &Point2<f64>) -> Vec<Likely> {
+    /// So many are looked at; what it costs to look at one that is right here, as a way in metres; the least chance.
+    const MOST: usize = 4;
+    const LOOK_M: f64 = 3.0;
+    const LEAST: f32 = 0.3;
+    let Some(thing) = named.things.first().and_then(|(name, _)| knowledge.find(name)) else { return Vec::new() };
+    let likely = |object: &MapObject| {
+        let furniture = knowledge.find(object.name())?;
+        let room = object.room.and_then(|id| map.find_room(id)).map(|room| room.name.as_str());
+        let place = knowledge.find_chance(thing, furniture, room);
+        let way_m = (object.bounds.center.xy() - here).norm() + LOOK_M;
+        let likely = Likely { id: object.id, name: object.name().to_owned(), reason: place.reason };
+        (place.chance >= LEAST).then_some((f64::from(place.chance) / way_m, likely))
+    };
+    let mut all: Vec<(f64, Likely)> =
+        map.stable_objects().filter(|object| carries(object)).filter_map(likely).collect();
+    all.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.id.cmp(&b.1.id)));
+    all.into_iter().take(MOST).map(|(_, likely)| likely).collect()
 }
 
 /// The best candidates of an answer that cannot tell them apart.
@@ -319,5 +377,22 @@ mod tests {
         // A third one may lie on the bookshelf; on the coffee table it would not be the closest.
         let looks = named_in(&knowledge, answer.query.as_ref()).find_carriers(&two, &knowledge, answer.object_id);
         assert_eq!(looks, [ObjectId(2)]);
+    }
+
+    #[test]
+    fn a_mug_is_looked_for_on_the_counter_before_the_bed() {
+        let furniture = |id, name: &str, x_m| {
+            let mut object = object(id, [x_m, 0.0, 0.4], [0.8, 0.6, 0.8], &[]);
+            object.names.add(name, 9.0);
+            object
+        };
+        let map = map_of(vec![furniture(1, "bed", 1.0), furniture(2, "counter", 3.0), furniture(3, "counter", 9.0)]);
+        let knowledge = Knowledge::embedded().unwrap();
+        let named = Named { things: vec![("mug".into(), Vec::new())], rooms: Vec::new() };
+        let likely = find_likely(&map, &knowledge, &named, &Point2::origin());
+        let ids: Vec<u64> = likely.iter().map(|likely| likely.id.0).collect();
+        assert!(ids.first() == Some(&2) && !ids.contains(&1), "{ids:?}");
+        let unknown = Named { things: Vec::new(), rooms: Vec::new() };
+        assert!(find_likely(&map, &knowledge, &unknown, &Point2::origin()).is_empty());
     }
 }

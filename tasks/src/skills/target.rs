@@ -57,6 +57,11 @@ impl Target {
         self.object.id
     }
 
+    /// The object as it was known.
+    pub(super) fn object(&self) -> &MapObject {
+        &self.object
+    }
+
     /// The map with the object in it: as the map has it, or as it was when it has left the map or grown together with
     /// something.
     pub(super) fn in_map(&self, map: &Arc<Map>) -> Arc<Map> {

@@ -16,6 +16,10 @@ fn disturbed(disturbance: &str) -> Bench {
     episode("object = \"apple_1\"", &format!("object = \"apple_1\"\n\n[[disturb]]\n{disturbance}"))
 }
 
+fn broken(fault: &str) -> Bench {
+    episode("object = \"apple_1\"", &format!("object = \"apple_1\"\n\n[[fault]]\n{fault}"))
+}
+
 refuse! {
     episode_is_missing: Bench::new(), ["run", "nowhere.toml"], ["nowhere.toml", "No such file"];
     episode_is_a_folder: Bench::new().folder("episodes"), ["run", "episodes"], ["episodes", "directory"];
@@ -67,6 +71,16 @@ refuse! {
     disturbance_of_nothing: disturbed("kind = \"slip\"\non = \"lifts\""), RUN, ["episode.toml:14:", "object = \"body\""];
     disturbed_body_is_unknown: disturbed("kind = \"slip\"\non = \"lifts\"\nobject = \"aple_1\""), RUN,
         ["episode.toml:17: free body `aple_1` is not in the scene; did you mean `apple_1`?"];
+    fault_is_unknown: broken("kind = \"joint_nan\"\nat_s = 3"), RUN,
+        ["episode.toml:15:", "\"joint_nan\"", "did you mean `joints_nan`?"];
+    fault_key_is_misspelt: broken("kind = \"estop\"\natt_s = 3"), RUN,
+        ["episode.toml:16: unknown key `fault[0].att_s`; did you mean `at_s`?"];
+    fault_without_time: broken("kind = \"estop\""), RUN, ["episode.toml:14:", "missing field `at_s`"];
+    fault_without_part: broken("kind = \"joints_nan\"\nat_s = 3"), RUN, ["episode.toml:14:", "`part` for this kind"];
+    fault_of_another_part: broken("kind = \"joints_nan\"\nat_s = 3\npart = \"base\""), RUN,
+        ["episode.toml:14:", "part = arm or head"];
+    fault_share_is_too_large: broken("kind = \"frames_lost\"\nat_s = 3\nshare = 1.5"), RUN,
+        ["episode.toml:17: `fault[0].share` is 1.5; expected >= 0.05 and <= 1"];
     scene_of_episode_is_missing: episode("scene.xml", "scenes.xml"), RUN, ["scenes.xml", "MJCF"];
     robot_of_episode_is_unknown: episode("porter", "butler"), RUN, ["robot `butler`", "porter"];
     suite_with_a_broken_episode: Bench::new().file("episodes/broken.toml", "version = 1\nscen = \"x\"\n"), ["suite", "episodes"],

@@ -43,6 +43,16 @@ refuse! {
         ["robot.toml:", "there is no link `tol_frame`; did you mean `tool_frame`?"];
     camera_frame_is_unknown: toml("frame = \"head_camera_optical_frame\"", "frame = \"eye\""), CHECK,
         ["robot.toml:", "there is no link `eye`"];
+    safety_key_is_misspelt: toml("[collision]", "[safety]\nsensor_timeot_s = 1.0\n\n[collision]"), CHECK,
+        ["robot.toml:", "unknown key `safety.sensor_timeot_s`; did you mean `sensor_timeout_s`?"];
+    safety_timeout_is_too_long: toml("[collision]", "[safety]\ncommand_timeout_s = 5.0\n\n[collision]"), CHECK,
+        ["robot.toml:", "`safety.command_timeout_s` is 5.0; expected >= 0.02 and <= 1"];
+    area_is_a_line: toml("[collision]", "[safety]\narea = [[0.0, 0.0], [1.0, 0.0]]\n\n[collision]"), CHECK,
+        ["robot.toml:", "safety.area: expected three corners or more"];
+    tool_heights_are_reversed: toml("[collision]", "[safety]\ntool_lowest_m = 1.0\ntool_highest_m = 0.5\n\n[collision]"), CHECK,
+        ["robot.toml:", "expected less than tool_highest_m"];
+    drivers_of_an_unknown_robot: robot(), ["drivers", "check", "--robot", "butler"], ["robot `butler`", "porter"];
+    drivers_in_a_missing_scene: robot(), ["drivers", "check", "--robot", "robot.toml", "--scene", "nowhere"], ["nowhere"];
     group_is_missing: toml("name = \"gripper\"", "name = \"hand\""), CHECK, ["robot.toml:", "there is no group `gripper`"];
     posture_is_out_of_limits: toml("arm_6_joint = -1.01", "arm_6_joint = -9.0"), CHECK, ["robot.toml:", "arm_6_joint", "-9"];
     urdf_is_missing: robot().without("robot.urdf"), CHECK, ["robot.toml:4:", "robot.urdf", "does not exist"];

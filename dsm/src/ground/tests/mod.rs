@@ -3,6 +3,7 @@
 
 mod cases;
 mod commands;
+mod drawers;
 mod hostile;
 pub(super) mod house;
 mod robustness;

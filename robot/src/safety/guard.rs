@@ -35,6 +35,8 @@ pub(super) struct BaseGuard {
     pub(super) before: Twist,
     pub(super) heard: Heard,
     pub(super) commanded: Stamp,
+    /// Whether the last command asks for motion.
+    pub(super) wanted: bool,
 }
 
 pub(super) struct GroupGuard {
@@ -45,6 +47,8 @@ pub(super) struct GroupGuard {
     step_s: f64,
     pub(super) heard: Heard,
     pub(super) commanded: Stamp,
+    /// Whether the last command asks for motion.
+    pub(super) wanted: bool,
 }
 
 impl GroupGuard {
@@ -58,6 +62,7 @@ impl GroupGuard {
             step_s: PERIOD.as_s(),
             heard: Heard::NEVER,
             commanded: Stamp(0),
+            wanted: false,
         }
     }
 
@@ -94,9 +99,44 @@ impl GroupGuard {
     pub(super) fn moves(&self) -> bool {
         self.sent.iter().any(|v| *v != 0.0)
     }
+
+    /// The next, slower velocities of a part that brakes.
+    pub(super) fn braked(&mut self, now: Stamp) -> Vec<f64> {
+        let step_s = self.heard.step_s(now).unwrap_or(0.0).min(PERIOD.as_s());
+        self.before.clone_from(&self.sent);
+        self.heard.at = Some(now);
+        let slower = |(velocity, envelope): (&f64, &JointEnvelope)| {
+            let step = envelope.acceleration * step_s;
+            velocity - velocity.clamp(-step, step)
+        };
+        self.before.iter().zip(&self.envelopes).map(slower).collect()
+    }
 }
 
 impl BaseGuard {
+    pub(super) fn new(limits: BaseSettings) -> Self {
+        Self {
+            limits,
+            sent: Twist::default(),
+            before: Twist::default(),
+            heard: Heard::NEVER,
+            commanded: Stamp(0),
+            wanted: false,
+        }
+    }
+
+    pub(super) fn moves(&self) -> bool {
+        self.sent != Twist::default()
+    }
+
+    /// The next, slower twist of a base that brakes.
+    pub(super) fn braked(&mut self, now: Stamp) -> Twist {
+        let step_s = self.heard.step_s(now).unwrap_or(0.0).min(PERIOD.as_s());
+        self.before = self.sent;
+        self.heard.at = Some(now);
+        self.towards(Twist::default(), step_s)
+    }
+
     pub(super) fn clamp(&mut self, wanted: Twist, now: Stamp, report: &mut LimitReport) -> Twist {
         let step_s = match self.heard.step_s(now) {
             Some(step_s) => {

@@ -1,0 +1,139 @@
+//! Taking things: what the words mean, looked at again from near, and another one where that was only what stood there before.
+
+use super::{Done, Executor, NO_ROOM, PLACE, failed, settled};
+use crate::agent::{Agent, Halt};
+use crate::skills::Outcome;
+use crate::skills::meaning::{FITS, Meaning, find_rivals};
+use crate::skills::navigate::navigate_to_object;
+use crate::skills::regrip::grasp;
+use crate::skills::search::Thoroughness;
+use crate::summary::Stage;
+use dsm::ground::{Command, Grounding};
+use dsm::map::ObjectId;
+
+/// So many others of its name are looked at from near when a thing is no longer what was meant.
+const MOST_RIVALS: usize = 3;
+
+impl Executor {
+    /// Grasps; when no place to grasp from is known, looks at the object from near, and then explores the rest of the
+    /// flat and reads the words again.
+    pub(super) fn grasp(
+        &mut self,
+        agent: &mut Agent,
+        command: &Command,
+        grounding: Grounding,
+        id: ObjectId,
+    ) -> Result<Done, Halt> {
+        if let Some(stowed) = self.stowed.get(&id).cloned() {
+            agent.note(format!("object {} lies in furniture that was closed", id.0));
+            return self.take_out_of(agent, command, &stowed, grounding);
+        }
+        let text = command.target.as_str();
+        let mut outcome = self.grasp_and_weigh(agent, id, text)?;
+        if matches!(outcome, Outcome::Failed(Stage::Planning, _))
+            && matches!(self.go_to(agent, id, None)?, Outcome::Done(_))
+        {
+            // From near, the floor before it and what stands around it are known better.
+            outcome = self.grasp_and_weigh(agent, id, text)?;
+        }
+        let thoroughness = match &outcome {
+            Outcome::Failed(Stage::Planning, reason) => {
+                agent.note(format!("explores on, because the grasp failed: {reason}"));
+                Some(Thoroughness::Everything)
+            }
+            // The map knows it as another object by now.
+            Outcome::Failed(Stage::Mapping, _) => Some(Thoroughness::Enough),
+            Outcome::Failed(Stage::Grounding, _) => return self.grasp_another(agent, text, (grounding, id), outcome),
+            _ => None,
+        };
+        let (outcome, grounding) = match thoroughness {
+            Some(thoroughness) => {
+                let grounding = match self.find(agent, "grasp", text, thoroughness)? {
+                    Ok(grounding) => grounding,
+                    Err(refused) => return Ok(*refused),
+                };
+                match grounding.object_id {
+                    Some(id) => (self.grasp_and_weigh(agent, id, text)?, grounding),
+                    None => (Outcome::Failed(Stage::Grounding, NO_ROOM.into()), grounding),
+                }
+            }
+            None => (outcome, grounding),
+        };
+        Ok(settled("grasp", outcome, grounding))
+    }
+
+    /// Looks at others of the name, when the one that was meant is another one by now, and takes the one that fits.
+    fn grasp_another(
+        &mut self,
+        agent: &mut Agent,
+        text: &str,
+        (grounding, id): (Grounding, ObjectId),
+        outcome: Outcome,
+    ) -> Result<Done, Halt> {
+        agent.note("looks for what was meant among the others of its name");
+        if find_rivals(agent.map(), id).is_empty()
+            && let Err(refused) = self.find(agent, "grasp", text, Thoroughness::Everything)?
+        {
+            return Ok(*refused);
+        }
+        let here = agent.world_from_base()?.translation.vector.xy();
+        let map = agent.map().clone();
+        let away_m = |other: &ObjectId| {
+            map.find_object(*other).map_or(f64::INFINITY, |object| (object.bounds.center.coords.xy() - here).norm())
+        };
+        let mut rivals = find_rivals(&map, id);
+        rivals.sort_by(|a, b| away_m(a).total_cmp(&away_m(b)).then(a.cmp(b)));
+        let meaning = Meaning::new(&self.grounder, &self.knowledge, text);
+        for other in rivals.into_iter().take(MOST_RIVALS) {
+            if !matches!(navigate_to_object(agent, &self.nav, other, None)?, Outcome::Done(_)) {
+                continue;
+            }
+            let Some(score) = meaning.score_now(agent, other)? else { continue };
+            agent.note(format!("object {} fits by {score:.2} as it looks now", other.0));
+            if score >= FITS {
+                let outcome = self.grasp_and_weigh(agent, other, text)?;
+                return Ok(settled("grasp", outcome, Grounding { object_id: Some(other), score, ..grounding }));
+            }
+        }
+        Ok(settled("grasp", outcome, grounding))
+    }
+
+    fn grasp_and_weigh(&mut self, agent: &mut Agent, id: ObjectId, text: &str) -> Result<Outcome, Halt> {
+        let meaning = Meaning::new(&self.grounder, &self.knowledge, text);
+        let grasped = grasp(agent, &self.nav, &self.grasping, id, Some(&meaning))?;
+        self.weigh(agent, grasped)
+    }
+
+    /// Remembers what the hand holds.
+    pub(super) fn weigh(
+        &mut self,
+        agent: &mut Agent,
+        grasped: crate::skills::regrip::Grasped,
+    ) -> Result<Outcome, Halt> {
+        if let (Outcome::Done(_), Some(standing)) = (&grasped.outcome, grasped.standing) {
+            self.held = Some(standing.lifted(agent, &self.grasping)?);
+        }
+        Ok(grasped.outcome)
+    }
+
+    /// Grasps what is to be carried: what `fallen` says, what lies in furniture, or what the words mean.
+    pub(super) fn take(
+        &mut self,
+        agent: &mut Agent,
+        command: &Command,
+        fallen: Option<Grounding>,
+    ) -> Result<Done, Halt> {
+        let found = match (fallen, &command.inside) {
+            (Some(found), _) => found,
+            (None, Some(whole)) => return self.take_out(agent, command, whole),
+            (None, None) => match self.find(agent, PLACE, &command.target, Thoroughness::Enough)? {
+                Ok(found) => found,
+                Err(refused) => return self.or_look_inside(agent, command, *refused),
+            },
+        };
+        match found.object_id {
+            Some(id) => self.grasp(agent, command, found, id),
+            None => Ok(failed(PLACE, Stage::Grounding, NO_ROOM.into(), Some(found))),
+        }
+    }
+}
