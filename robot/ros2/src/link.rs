@@ -10,7 +10,7 @@ use futures::{FutureExt, StreamExt};
 use ros2_client::dds::rustdds::Topic;
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{Context, ContextOptions, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -54,7 +54,8 @@ type Reader = Box<dyn FnOnce() -> LocalBoxFuture<'static, ()> + Send>;
 pub struct LinkBuilder<I> {
     node: Node,
     domain: u16,
-    inbox: (Sender<(usize, I)>, Receiver<(usize, I)>),
+    outbox: Sender<(usize, I)>,
+    inbox: Receiver<(usize, I)>,
     readers: Vec<Reader>,
     heard: Vec<String>,
     spoken: Vec<String>,
@@ -71,7 +72,8 @@ impl<I: Send + 'static> LinkBuilder<I> {
         let context = context.map_err(|error| failed(format!("{error:?}")))?;
         let name = NodeName::new("/", name).map_err(|error| failed(format!("{error:?}")))?;
         let node = context.new_node(name, NodeOptions::new()).map_err(|error| failed(format!("{error:?}")))?;
-        Ok(Self { node, domain, inbox: channel(), readers: Vec::new(), heard: Vec::new(), spoken: Vec::new() })
+        let (outbox, inbox) = channel();
+        Ok(Self { node, domain, outbox, inbox, readers: Vec::new(), heard: Vec::new(), spoken: Vec::new() })
     }
 
     fn topic<M: RosMessage>(&mut self, name: &str, delivery: Delivery) -> Result<Topic, Ros2Error> {
@@ -95,7 +97,7 @@ impl<I: Send + 'static> LinkBuilder<I> {
         let subscription = self.node.create_subscription::<M>(&topic, None);
         let subscription = subscription
             .map_err(|error| Ros2Error::Setup { what: format!("topic `{name}`"), reason: format!("{error:?}") })?;
-        let (outbox, spoken_of, listener) = (self.inbox.0.clone(), name.to_owned(), self.heard.len());
+        let (outbox, spoken_of, listener) = (self.outbox.clone(), name.to_owned(), self.heard.len());
         self.readers.push(Box::new(move || {
             async move {
                 let mut messages = Box::pin(subscription.async_stream());
@@ -154,8 +156,8 @@ impl<I: Send + 'static> LinkBuilder<I> {
         Ok(Link {
             node: self.node,
             domain: self.domain,
-            inbox: self.inbox.1,
-            _open: self.inbox.0,
+            inbox: self.inbox,
+            _open: self.outbox,
             taken: vec![0; self.heard.len()],
             heard: self.heard,
             spoken: self.spoken,
@@ -226,10 +228,7 @@ impl<I> Link<I> {
 
     /// The next message, waited for as long as `timeout`.
     pub fn wait(&mut self, timeout: Duration) -> Option<I> {
-        let taken = match self.inbox.recv_timeout(timeout) {
-            Ok(message) => Some(message),
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-        };
+        let taken = self.inbox.recv_timeout(timeout).ok();
         self.count(taken)
     }
 

@@ -16,7 +16,7 @@ use crate::settings::{ClockSource, JointInterface, Ros2Settings};
 use dsm::frame::RgbdFrame;
 use dsm::perceive::Detector;
 use dsm::time::{Span, Stamp};
-use dsm_robot::drivers::{DriverError, Robot, Twist};
+use dsm_robot::drivers::{DriverError, JointGroup, Robot, Twist};
 use dsm_robot::joints::{JointNames, JointVelocities};
 use dsm_robot::model::RobotModel;
 use std::sync::Arc;
@@ -201,32 +201,33 @@ impl Server {
                 let RosTwist { linear, angular } = said.twist;
                 robot.base().command(Twist { forward_m_per_s: linear.x, turn_rad_per_s: angular.z }).map(drop)
             }
-            Command::Arm(said) => match JointVelocities::from_values(&self.model.arm.joints, said.data) {
-                Some(velocities) => robot.arm().command(&velocities).map(drop),
-                None => return Ok(tracing::warn!("a command to the arm with another number of joints")),
-            },
-            Command::Head(said) => match JointVelocities::from_values(&self.model.head.joints, said.data) {
-                Some(velocities) => robot.head().command(&velocities).map(drop),
-                None => return Ok(tracing::warn!("a command to the head with another number of joints")),
-            },
-            Command::ArmTrajectory(said) => match velocities_of(&self.model.arm.joints, &said) {
-                Some(velocities) => robot.arm().command(&velocities).map(drop),
-                None => return Ok(tracing::warn!("a trajectory of other joints than the arm's")),
-            },
-            Command::HeadTrajectory(said) => match velocities_of(&self.model.head.joints, &said) {
-                Some(velocities) => robot.head().command(&velocities).map(drop),
-                None => return Ok(tracing::warn!("a trajectory of other joints than the head's")),
-            },
+            Command::Arm(said) => {
+                let names = &self.model.arm.joints;
+                command_group(robot.arm(), names, JointVelocities::from_values(names, said.data))
+            }
+            Command::Head(said) => {
+                let names = &self.model.head.joints;
+                command_group(robot.head(), names, JointVelocities::from_values(names, said.data))
+            }
+            Command::ArmTrajectory(said) => {
+                let names = &self.model.arm.joints;
+                command_group(robot.arm(), names, velocities_of(names, &said))
+            }
+            Command::HeadTrajectory(said) => {
+                let names = &self.model.head.joints;
+                command_group(robot.head(), names, velocities_of(names, &said))
+            }
             Command::Gripper(said) => robot.gripper().command(said.position, said.max_effort).map(drop),
             Command::Stop(why) if why.data.is_empty() => robot.emergency_stop().reset(),
             Command::Stop(why) => robot.emergency_stop().trigger(&why.data),
             Command::Advance(_) => Ok(()),
         };
         match done {
-            Err(error @ DriverError::Lost { .. }) => Err(error.into()),
-            Err(error) => Ok(tracing::warn!("a command is refused: {error}")),
-            Ok(()) => Ok(()),
+            Err(error @ DriverError::Lost { .. }) => return Err(error.into()),
+            Err(error) => tracing::warn!("a command is refused: {error}"),
+            Ok(()) => {}
         }
+        Ok(())
     }
 
     /// Says how the robot is and what it sees.
@@ -374,6 +375,17 @@ impl Server {
     pub fn settings(&self) -> &Ros2Settings {
         &self.settings
     }
+}
+
+/// Commands a group; velocities of other joints are refused.
+fn command_group(
+    part: &mut dyn JointGroup,
+    names: &JointNames,
+    velocities: Option<JointVelocities>,
+) -> Result<(), DriverError> {
+    let expected = || names.iter().map(|name| name.to_string()).collect();
+    let velocities = velocities.ok_or_else(|| DriverError::WrongJoints { expected: expected(), got: Vec::new() })?;
+    part.command(&velocities).map(drop)
 }
 
 fn is_all_here(link: &Link<Command>, step: &Step) -> bool {

@@ -27,6 +27,7 @@ const HISTORY: usize = 256;
 const FRAMES: usize = 64;
 
 /// A message, by what it means here.
+#[allow(clippy::large_enum_variant, reason = "few of them wait at a time")]
 pub(super) enum Incoming {
     Joints(RosJointState),
     Odometry(Odometry),
