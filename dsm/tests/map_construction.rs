@@ -305,7 +305,8 @@ fn a_noisy_tour_finds_everything_once_with_its_relations_and_colours() {
 fn what_carries_the_camera_stays_out_of_the_map() {
     let world = table_with_mugs().with("mug", [0.9, 0.0, 1.0], [0.1, 0.1, 0.1], RED);
     let arm = dsm::geometry::OrientedBox::from(world.blocks.last().unwrap().bounds.grown(0.02));
-    let carrier = dsm::build::Carrier { bodies: vec![arm], footprint: Some((Point2::new(1.7, 0.0), 0.3)), ..Default::default() };
+    let carrier =
+        dsm::build::Carrier { bodies: vec![arm], footprint: Some((Point2::new(1.7, 0.0), 0.3)), ..Default::default() };
     let mut session = Session::new(Noise::default());
     for i in 0..5 {
         let pose = world::look_at([1.7, 0.0, 1.25], [0.0, 0.0, 0.7]);

@@ -1,0 +1,300 @@
+//! What the robot said last.
+
+use super::clock::{ADVANCED_TOPIC, RobotClock};
+use super::pictures::{Picture, PictureBuffer, colors_of, depths_of};
+use crate::error::Ros2Error;
+use crate::link::{Delivery, LinkBuilder};
+use crate::messages::{
+    Clock, Image, JointState as RosJointState, MaskedDetections, Odometry, PoseStamped, PoseWithCovarianceStamped,
+    Step, Text,
+};
+use crate::settings::{ClockSource, Ros2Settings};
+use dsm::Pose;
+use dsm::camera::CameraModel;
+use dsm::frame::FrameId;
+use dsm::perceive::{Detection, Detections, Mask, Run};
+use dsm::time::{Span, Stamp};
+use dsm_robot::drivers::{DriverError, GripperState, JointState, StampedPose, Twist};
+use dsm_robot::joints::{JointNames, JointPositions};
+use dsm_robot::model::RobotModel;
+use std::collections::VecDeque;
+
+/// Fingers slower than this stand still, metres per second.
+const STILL_M_PER_S: f64 = 0.002;
+/// States kept for the stamps of pictures, which come later than these.
+const HISTORY: usize = 256;
+/// Frames whose detections may still come.
+const FRAMES: usize = 64;
+
+/// A message, by what it means here.
+#[allow(clippy::large_enum_variant, reason = "few of them wait at a time")]
+pub(super) enum Incoming {
+    Joints(RosJointState),
+    Odometry(Odometry),
+    Localisation(PoseWithCovarianceStamped),
+    Color(usize, Image),
+    Depth(usize, Image),
+    CameraPose(usize, PoseStamped),
+    Detections(MaskedDetections),
+    Clock(Clock),
+    Stepped(Step),
+    Stopped(Text),
+}
+
+/// Listens on all topics of a robot.
+pub(super) fn listen(
+    link: &mut LinkBuilder<Incoming>,
+    model: &RobotModel,
+    settings: &Ros2Settings,
+) -> Result<(), Ros2Error> {
+    let states = Delivery::Reliable { depth: 64 };
+    let pictures = match (settings.reliable_pictures, settings.clock) {
+        (true, _) | (_, ClockSource::LockStep) => Delivery::Reliable { depth: 16 },
+        (false, _) => Delivery::BestEffort { depth: 4 },
+    };
+    link.listen(&settings.joint_states, states, Incoming::Joints)?;
+    link.listen(&settings.odometry, states, Incoming::Odometry)?;
+    link.listen(&settings.localisation, states, Incoming::Localisation)?;
+    link.listen(&settings.emergency_stop, Delivery::Kept, Incoming::Stopped)?;
+    for (index, camera) in model.settings.camera.iter().enumerate() {
+        let topic = |pattern: &str| Ros2Settings::of_camera(pattern, &camera.name);
+        link.listen(&topic(&settings.color), pictures, move |image| Incoming::Color(index, image))?;
+        link.listen(&topic(&settings.depth), pictures, move |image| Incoming::Depth(index, image))?;
+        if !settings.camera_pose.is_empty() {
+            link.listen(&topic(&settings.camera_pose), states, move |pose| Incoming::CameraPose(index, pose))?;
+        }
+    }
+    if !settings.detections.is_empty() {
+        link.listen(&settings.detections, states, Incoming::Detections)?;
+    }
+    match settings.clock {
+        ClockSource::Wall => {}
+        ClockSource::Topic => link.listen("/clock", states, Incoming::Clock)?,
+        ClockSource::LockStep => link.listen(ADVANCED_TOPIC, states, Incoming::Stepped)?,
+    }
+    Ok(())
+}
+
+/// What the robot said last, and a short history of it.
+pub(super) struct Inbox {
+    joints: VecDeque<(Stamp, RosJointState)>,
+    poses: VecDeque<StampedPose>,
+    odometry: Option<(StampedPose, Twist)>,
+    cameras: Vec<Camera>,
+    /// Frames that were read, so that detections find theirs.
+    frames: VecDeque<(String, Stamp, FrameId)>,
+    early: VecDeque<MaskedDetections>,
+    model: std::sync::Arc<RobotModel>,
+    /// The newest step that was answered.
+    pub(super) stepped: Option<Step>,
+    /// Why the robot says that it is stopped.
+    pub(super) stopped: Option<String>,
+}
+
+struct Camera {
+    name: String,
+    model: CameraModel,
+    pictures: PictureBuffer,
+}
+
+fn silent(part: &str) -> DriverError {
+    DriverError::Lost { part: part.to_owned(), reason: "it has said nothing yet".to_owned() }
+}
+
+fn keep<T>(history: &mut VecDeque<T>, item: T, bound: usize) {
+    history.push_back(item);
+    while history.len() > bound {
+        history.pop_front();
+    }
+}
+
+impl Inbox {
+    pub(super) fn new(model: &std::sync::Arc<RobotModel>, settings: &Ros2Settings) -> Self {
+        let tolerance = Span::from_s(settings.sync_tolerance_s);
+        let needs_pose = !settings.camera_pose.is_empty();
+        let camera = |camera: &dsm_robot::model::settings::CameraSettings| Camera {
+            name: camera.name.clone(),
+            model: CameraModel::from_vertical_fov(camera.width, camera.height, camera.vertical_fov_rad),
+            pictures: PictureBuffer::new(tolerance, needs_pose),
+        };
+        Self {
+            joints: VecDeque::new(),
+            poses: VecDeque::new(),
+            odometry: None,
+            cameras: model.settings.camera.iter().map(camera).collect(),
+            frames: VecDeque::new(),
+            early: VecDeque::new(),
+            model: model.clone(),
+            stepped: None,
+            stopped: None,
+        }
+    }
+
+    /// The parts that have said nothing yet, of those without which nothing can be done.
+    pub(super) fn find_silent(&self, settings: &Ros2Settings) -> Vec<String> {
+        let parts = [
+            (self.joints.is_empty(), &settings.joint_states),
+            (self.poses.is_empty(), &settings.localisation),
+            (self.odometry.is_none(), &settings.odometry),
+        ];
+        parts.into_iter().filter(|(silent, _)| *silent).map(|(_, topic)| topic.clone()).collect()
+    }
+
+    /// Takes in a message; gives back detections whose frame was read.
+    pub(super) fn accept(&mut self, message: Incoming, clock: &RobotClock) -> Option<Detections> {
+        match message {
+            Incoming::Joints(state) => keep(&mut self.joints, (clock.stamp(state.header.stamp), state), HISTORY),
+            Incoming::Odometry(said) => self.accept_odometry(&said, clock),
+            Incoming::Localisation(said) => match said.pose.pose.find_isometry() {
+                Some(pose) => {
+                    let stamp = clock.stamp(said.header.stamp);
+                    keep(&mut self.poses, StampedPose { stamp, pose }, HISTORY);
+                }
+                None => tracing::warn!("localisation: a pose that is none"),
+            },
+            Incoming::Color(camera, image) => {
+                let Camera { model, pictures, name } = &mut self.cameras[camera];
+                match colors_of(&image, model) {
+                    Ok(colors) => pictures.add_color(clock.stamp(image.header.stamp), colors),
+                    Err(error) => tracing::warn!("camera {name}: {error}"),
+                }
+            }
+            Incoming::Depth(camera, image) => {
+                let Camera { model, pictures, name } = &mut self.cameras[camera];
+                match depths_of(&image, model) {
+                    Ok(depths) => pictures.add_depth(clock.stamp(image.header.stamp), depths),
+                    Err(error) => tracing::warn!("camera {name}: {error}"),
+                }
+            }
+            Incoming::CameraPose(camera, said) => match said.pose.find_isometry() {
+                Some(pose) => self.cameras[camera].pictures.add_pose(clock.stamp(said.header.stamp), pose),
+                None => tracing::warn!("camera {}: a pose that is none", self.cameras[camera].name),
+            },
+            Incoming::Detections(seen) => return self.match_detections(seen, clock),
+            Incoming::Stepped(step) => self.stepped = Some(step),
+            Incoming::Stopped(why) => self.stopped = (!why.data.is_empty()).then_some(why.data),
+            Incoming::Clock(_) => {}
+        }
+        None
+    }
+
+    fn accept_odometry(&mut self, said: &Odometry, clock: &RobotClock) {
+        let twist = Twist { forward_m_per_s: said.twist.twist.linear.x, turn_rad_per_s: said.twist.twist.angular.z };
+        let Some(pose) = said.pose.pose.find_isometry() else {
+            tracing::warn!("odometry: a pose that is none");
+            return;
+        };
+        self.odometry = Some((StampedPose { stamp: clock.stamp(said.header.stamp), pose }, twist));
+    }
+
+    /// The state of joints; each must have been named.
+    pub(super) fn state_of(&self, names: &JointNames) -> Result<JointState, DriverError> {
+        let (stamp, said) = self.joints.back().ok_or_else(|| silent("joints"))?;
+        let value = |name: &str| {
+            let index = said.name.iter().position(|known| known == name)?;
+            Some((*said.position.get(index)?, *said.velocity.get(index)?))
+        };
+        let values: Option<Vec<(f64, f64)>> = names.iter().map(|name| value(name)).collect();
+        let state = values.and_then(|values| super::joint_state(*stamp, names, &values));
+        state.ok_or_else(|| DriverError::WrongJoints {
+            expected: names.iter().map(|name| name.to_string()).collect(),
+            got: said.name.clone(),
+        })
+    }
+
+    /// The gripper, by its fingers.
+    pub(super) fn gripper_state(&self) -> Result<GripperState, DriverError> {
+        let (stamp, said) = self.joints.back().ok_or_else(|| silent("gripper"))?;
+        let (mut width_m, mut force_n, mut moving) = (0.0, 0.0, false);
+        let joints = &self.model.settings.gripper.joints;
+        for joint in joints {
+            let index = said.name.iter().position(|known| known == joint);
+            let Some((position, velocity)) =
+                index.and_then(|index| Some((said.position.get(index)?, said.velocity.get(index)?)))
+            else {
+                return Err(DriverError::WrongJoints { expected: joints.clone(), got: said.name.clone() });
+            };
+            width_m += position;
+            moving |= velocity.abs() > STILL_M_PER_S;
+            // A driver that does not measure efforts leaves them out.
+            force_n += index.and_then(|index| said.effort.get(index)).map_or(0.0, |effort| effort.abs());
+        }
+        let force_n = force_n / joints.len() as f64;
+        Ok(GripperState { stamp: *stamp, width_m: width_m.max(0.0), force_n, moving })
+    }
+
+    pub(super) fn base_velocity(&self) -> Result<Twist, DriverError> {
+        self.odometry.as_ref().map(|(_, twist)| *twist).ok_or_else(|| silent("odometry"))
+    }
+
+    pub(super) fn odom_from_base(&self) -> Result<StampedPose, DriverError> {
+        self.odometry.as_ref().map(|(pose, _)| *pose).ok_or_else(|| silent("odometry"))
+    }
+
+    pub(super) fn world_from_base(&self) -> Result<StampedPose, DriverError> {
+        self.poses.back().copied().ok_or_else(|| silent("localisation"))
+    }
+
+    /// The newest whole picture of a camera, and the camera's intrinsics.
+    pub(super) fn take_picture(&mut self, camera: &str) -> Option<(Picture, CameraModel)> {
+        let camera = self.cameras.iter_mut().find(|known| known.name == camera)?;
+        Some((camera.pictures.take()?, camera.model))
+    }
+
+    /// Where the base was at a moment: the pose nearest to it.
+    pub(super) fn find_pose_at(&self, stamp: Stamp) -> Option<Pose> {
+        self.poses.iter().min_by_key(|pose| (pose.stamp.0 - stamp.0).abs()).map(|pose| pose.pose)
+    }
+
+    /// Where all joints of the model were at a moment: the state nearest to it.
+    pub(super) fn find_joints_at(&self, stamp: Stamp) -> Option<JointPositions> {
+        let (_, said) = self.joints.iter().min_by_key(|(other, _)| (other.0 - stamp.0).abs())?;
+        let mut positions = self.model.kinematics.zero().positions().clone();
+        let names = positions.names().clone();
+        for (name, value) in names.iter().zip(positions.values_mut()) {
+            if let Some(position) =
+                said.name.iter().position(|known| **known == **name).and_then(|i| said.position.get(i))
+            {
+                *value = *position;
+            }
+        }
+        Some(positions)
+    }
+
+    /// Notes a frame that was read: detections that come later, or came before, are those of this frame.
+    pub(super) fn note_frame(&mut self, camera: &str, stamp: Stamp, id: FrameId) {
+        keep(&mut self.frames, (camera.to_owned(), stamp, id), FRAMES);
+    }
+
+    /// Detections that came before their frame was read, once it is.
+    pub(super) fn find_matched(&mut self, clock: &RobotClock) -> Option<Detections> {
+        let index = self.early.iter().position(|seen| self.find_frame(seen, clock).is_some())?;
+        let seen = self.early.remove(index)?;
+        self.find_frame(&seen, clock).map(|frame| detections_of(frame, seen))
+    }
+
+    fn find_frame(&self, seen: &MaskedDetections, clock: &RobotClock) -> Option<FrameId> {
+        let stamp = clock.stamp(seen.header.stamp);
+        let same = |(camera, at, _): &&(String, Stamp, FrameId)| *camera == seen.header.frame_id && *at == stamp;
+        self.frames.iter().find(same).map(|(_, _, id)| *id)
+    }
+
+    fn match_detections(&mut self, seen: MaskedDetections, clock: &RobotClock) -> Option<Detections> {
+        match self.find_frame(&seen, clock) {
+            Some(frame) => Some(detections_of(frame, seen)),
+            None => {
+                keep(&mut self.early, seen, FRAMES);
+                None
+            }
+        }
+    }
+}
+
+fn detections_of(frame: FrameId, seen: MaskedDetections) -> Detections {
+    let width = seen.width;
+    let items = seen.detections.into_iter().map(|item| {
+        let runs = item.runs.iter().map(|run| Run { start: run.start, length: run.length }).collect();
+        Detection { mask: Mask { image_width: width, runs }, name: item.name, score: item.score }
+    });
+    Detections { frame, items: items.collect() }
+}
