@@ -35,7 +35,7 @@ fn senses_that_come_back_hold_the_task_up_and_no_more() {
     let part = Some(FaultPart::Localisation);
     let frozen = Fault { part, for_s: Some(2.0), ..Fault::at(FaultKind::SensorFrozen, 14.0) };
     let jump = Fault { for_s: Some(4.0), ..Fault::at(FaultKind::LocalisationJump, 20.0) };
-    let summary = broken(vec![lost, frozen, jump], 400.0);
+    let summary = broken(vec![lost, frozen, jump], 240.0);
     assert!(summary.success, "{:?}", summary.failure);
     assert_eq!((summary.metrics.collisions, summary.metrics.limit_violations), (0, 0));
 }
