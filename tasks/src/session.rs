@@ -17,18 +17,20 @@
 //! ```
 
 use crate::agent::{Agent, AgentConfig, Halt, Parts};
-use crate::assemble::{Assembled, assemble, grounder, knowledge};
+use crate::assemble::{Assembled, assemble, knowledge};
 use crate::episode::{Expectation, ExpectationKind, Step};
 use crate::error::TaskError;
 use crate::executor::{Account, Executor, reason_of, words_of};
 use crate::journal::Moment;
 use crate::judge::Judge;
+use crate::language;
 use crate::perception::{Perception, Tape};
 use crate::run::{CELL_M, Finished, Progress, RunSpec};
 use crate::skills::Outcome;
 use crate::skills::grasp::GraspSettings;
 use crate::summary::{Failure, MapSummary, SUMMARY_SCHEMA, Stage, StepOutcome, StepSummary, Summary};
 use dsm::build::{BuildConfig, MapBuilder};
+use dsm::ground::GroundConfig;
 use dsm::map::Map;
 use dsm::store::MapLog;
 use dsm::time::{Span, Stamp};
@@ -80,7 +82,10 @@ impl Session {
         let config = AgentConfig::default();
         let map = Map::new(CELL_M);
         let builder = MapBuilder::new(BuildConfig::default(), knowledge.clone());
-        let perception = Perception::start(detector, builder, map.clone(), tapes, config.mapping_latency);
+        let annotator = spec.language.annotator();
+        let perception =
+            Perception::start_annotated(detector, builder, annotator, map.clone(), tapes, config.mapping_latency);
+        let grounder = language::grounder(&*spec.language, GroundConfig::default())?;
         let judge = Rc::new(RefCell::new(judge));
         let progress = Rc::new(RefCell::new(progress));
         let (watcher, listener) = (judge.clone(), progress.clone());
@@ -100,7 +105,7 @@ impl Session {
         agent.journal.told = Some(words);
         Ok(Self {
             spec: spec.clone(),
-            executor: Executor::new(nav.clone(), grasping, grounder()?, knowledge),
+            executor: Executor::new(nav.clone(), grasping, Arc::new(grounder), knowledge),
             nav,
             agent,
             judge,
