@@ -1,14 +1,16 @@
 //! What acts in a run, put together the same way whatever stands behind the robot: a world, hardware or a recording.
 
 use crate::agent::{Agent, AgentConfig, OnFrame, Parts};
-use crate::assemble::{grounder, knowledge};
+use crate::assemble::knowledge;
 use crate::error::TaskError;
 use crate::executor::Executor;
+use crate::language::{self, Language};
 use crate::perception::{Perception, Tape};
 use crate::run::CELL_M;
 use crate::session::nav_config;
 use crate::skills::grasp::GraspSettings;
 use dsm::build::{BuildConfig, MapBuilder};
+use dsm::ground::GroundConfig;
 use dsm::map::Map;
 use dsm::perceive::Detector;
 use dsm::time::{Span, Stamp};
@@ -36,6 +38,8 @@ pub(crate) struct Gear {
     pub(crate) model: Arc<RobotModel>,
     /// The detector.
     pub(crate) detector: Box<dyn Detector>,
+    /// Who reads words, verifies candidates and describes frames.
+    pub(crate) language: Arc<dyn Language>,
     /// Keep what the map is made of.
     pub(crate) tapes: Vec<Box<dyn Tape>>,
     /// When the run ends, simulated seconds.
@@ -51,18 +55,20 @@ pub(crate) struct Gear {
 impl Crew {
     /// Puts a crew together, with an empty map.
     pub(crate) fn new(gear: Gear) -> Result<Self, TaskError> {
-        let Gear { robot, model, detector, tapes, time_limit_s, interrupted, on_tick, on_frame } = gear;
+        let Gear { robot, model, detector, language, tapes, time_limit_s, interrupted, on_tick, on_frame } = gear;
         let knowledge = knowledge()?;
         let config = AgentConfig::default();
         let map = Map::new(CELL_M);
         let builder = MapBuilder::new(BuildConfig::default(), knowledge.clone());
-        let perception = Perception::start(detector, builder, map.clone(), tapes, config.mapping_latency);
+        let (annotator, latency) = (language.annotator(), config.mapping_latency);
+        let perception = Perception::start_annotated(detector, builder, annotator, map.clone(), tapes, latency);
+        let grounder = Arc::new(language::grounder(&*language, GroundConfig::default())?);
         let nav = nav_config(&model);
         let grasping = GraspSettings::for_robot(&model);
         let deadline = Stamp::from_s(time_limit_s);
         let parts = Parts { robot, model, perception, map, deadline, interrupted, on_tick, on_frame };
         let agent = Agent::new(parts, config);
-        let executor = Executor::new(nav.clone(), grasping, grounder()?, knowledge);
+        let executor = Executor::new(nav.clone(), grasping, grounder, knowledge);
         Ok(Self { agent, executor, nav })
     }
 }

@@ -2,6 +2,7 @@
 //! and the command that does it again.
 
 use crate::journal::Journal;
+use crate::language::EMBEDDED;
 use crate::picture::{escape, map_svg};
 use crate::report::{close_page, open_page, word_of, write_figures};
 use crate::run::{Finished, RunSpec};
@@ -32,6 +33,7 @@ pub fn replay_command(spec: &RunSpec) -> String {
     flag("robot", &spec.robot, &spec.episode.robot);
     flag("physics", &spec.physics, "rapier");
     flag("perception", &spec.perception, "noisy");
+    flag("backend", spec.language.name(), EMBEDDED);
     flag("time-limit-s", &spec.time_limit_s.to_string(), &spec.episode.time_limit_s.to_string());
     command
 }

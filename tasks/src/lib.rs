@@ -26,8 +26,10 @@ pub mod gaze;
 pub mod joint_bounds;
 pub mod journal;
 pub mod judge;
+pub mod language;
 mod light;
 pub mod map_server;
+pub mod mapping;
 #[cfg(feature = "mcap")]
 pub mod mcap_file;
 pub mod pace;

@@ -4,10 +4,11 @@
 //! latency, whatever the machine's speed, so that a run does not depend on wall time.
 
 use crate::error::TaskError;
+use crate::mapping::{Mapping, Updates};
 use dsm::build::{Carrier, MapBuilder};
 use dsm::frame::RgbdFrame;
 use dsm::map::{Map, MapUpdate, ObjectId};
-use dsm::perceive::{Detections, Detector};
+use dsm::perceive::{Annotator, Detections, Detector};
 use dsm::store::{MapLog, StoreError};
 use dsm::time::{Span, Stamp};
 use std::collections::VecDeque;
@@ -85,9 +86,23 @@ impl Perception {
         tapes: Vec<Box<dyn Tape>>,
         latency: Span,
     ) -> Self {
+        Self::start_annotated(detector, builder, None, map, tapes, latency)
+    }
+
+    /// As [`Self::start`]; `annotator` describes frames in its own time, and nothing waits for it but the end.
+    pub fn start_annotated(
+        detector: Box<dyn Detector>,
+        builder: MapBuilder,
+        annotator: Option<Box<dyn Annotator>>,
+        map: Map,
+        tapes: Vec<Box<dyn Tape>>,
+        latency: Span,
+    ) -> Self {
         let (jobs, inbox) = channel::<Job>();
         let (outbox, results) = channel();
-        let worker = std::thread::spawn(move || work(detector, builder, map, tapes, &inbox, &outbox));
+        let updates = if tapes.is_empty() { Updates::Dropped } else { Updates::Kept };
+        let mapping = Mapping::new(builder, annotator, map, updates);
+        let worker = std::thread::spawn(move || work(detector, mapping, tapes, &inbox, &outbox));
         Self { jobs: Some(jobs), results, under_way: VecDeque::new(), latency, worker: Some(worker) }
     }
 
@@ -125,30 +140,38 @@ impl Perception {
 
 fn work(
     mut detector: Box<dyn Detector>,
-    mut builder: MapBuilder,
-    mut map: Map,
+    mut mapping: Mapping,
     mut tapes: Vec<Box<dyn Tape>>,
     inbox: &Receiver<Job>,
     outbox: &Sender<Result<Learned, StoreError>>,
 ) -> Result<(), StoreError> {
-    builder.credit_names_to(detector.name());
-    while let Ok(Job { frame, carrier }) = inbox.recv() {
+    mapping.builder.credit_names_to(detector.name());
+    let mut last = None;
+    while let Ok(job) = inbox.recv() {
+        let Job { frame, carrier } = job;
         let detections = detector.detect(&frame);
-        let update = builder.observe(&map, &frame, &detections, &carrier);
-        let kept = (!tapes.is_empty()).then(|| update.clone());
-        map.apply(update);
-        if let Some(update) = &kept {
-            let (frame, detections, associations) = (&*frame, &detections, builder.associations());
-            let detector = detector.name();
-            let taped = Taped { frame, detections, detector, associations, carrier: &carrier, update, map: &map };
+        let update = mapping.observe(&frame, &detections, &carrier);
+        if let Some(update) = &update {
+            let (frame, detections, associations) = (&*frame, &detections, mapping.builder.associations());
+            let (detector, map) = (detector.name(), &mapping.map);
+            let taped = Taped { frame, detections, detector, associations, carrier: &carrier, update, map };
             if let Err(error) = tapes.iter_mut().try_for_each(|tape| tape.record(&taped)) {
                 let _ = outbox.send(Err(error));
                 return Ok(());
             }
         }
-        if outbox.send(Ok(Learned { frame, detections, map: Arc::new(map.clone()) })).is_err() {
+        last = Some(frame.clone());
+        let learned = Learned { frame, detections, map: Arc::new(mapping.map.clone()) };
+        if outbox.send(Ok(learned)).is_err() {
             break;
         }
     }
-    tapes.into_iter().try_for_each(|tape| tape.finish(&map))
+    // What a model still has to say counts for the map that is kept.
+    if mapping.finish()
+        && let Some(frame) = last
+    {
+        let detections = Detections { frame: frame.id, items: Vec::new() };
+        let _ = outbox.send(Ok(Learned { frame, detections, map: Arc::new(mapping.map.clone()) }));
+    }
+    tapes.into_iter().try_for_each(|tape| tape.finish(&mapping.map))
 }

@@ -3,6 +3,7 @@
 use crate::episode::Episode;
 use crate::error::TaskError;
 use crate::journal::{Journal, Moment};
+use crate::language::{Language, embedded};
 use crate::perception::Tape;
 use crate::replay::RecordingEnd;
 use crate::session::{Keep, Session};
@@ -33,6 +34,8 @@ pub struct RunSpec {
     pub physics: String,
     /// Perception preset.
     pub perception: String,
+    /// Backend of language.
+    pub language: Arc<dyn Language>,
     /// Seed.
     pub seed: u64,
     /// Simulated time limit, seconds.
@@ -45,7 +48,7 @@ pub struct RunSpec {
 
 impl RunSpec {
     /// A run of an episode that a program made: robot, seed and time limit as the episode says, the paths of its scene as
-    /// seen from the working directory, physics and perception as by default.
+    /// seen from the working directory, physics, perception and language as by default.
     pub fn new(name: impl Into<String>, episode: Episode) -> Self {
         Self {
             name: name.into(),
@@ -54,6 +57,7 @@ impl RunSpec {
             robot: episode.robot.clone(),
             physics: "rapier".into(),
             perception: "noisy".into(),
+            language: embedded(),
             seed: episode.seed,
             time_limit_s: episode.time_limit_s,
             permute_labels: false,

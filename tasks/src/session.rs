@@ -117,7 +117,8 @@ impl Session {
         });
         let on_frame = Box::new(move |moment: &Moment<'_>| progress.borrow_mut().sees(moment));
         let time_limit_s = spec.time_limit_s;
-        let gear = Gear { robot, model, detector, tapes, time_limit_s, interrupted, on_tick, on_frame };
+        let language = spec.language.clone();
+        let gear = Gear { robot, model, detector, language, tapes, time_limit_s, interrupted, on_tick, on_frame };
         let Crew { mut agent, executor, nav } = Crew::new(gear)?;
         agent.journal.commands = is_taped.then(Vec::new);
         agent.journal.told = Some(words);

@@ -4,6 +4,7 @@ use crate::cli::{PerceptionChoice, PhysicsChoice, WorldArgs};
 use crate::engine::find_engine;
 use crate::episode::Episode;
 use crate::error::TaskError;
+use crate::language::EMBEDDED;
 use clap::ValueEnum;
 use serde::Serialize;
 use std::str::FromStr;
@@ -44,6 +45,8 @@ pub struct Settings {
     pub physics: Sourced<String>,
     /// Perception preset.
     pub perception: Sourced<String>,
+    /// Backend of language.
+    pub backend: Sourced<String>,
     /// Worker threads.
     pub threads: Sourced<u16>,
     /// Simulated time limit, seconds.
@@ -76,6 +79,7 @@ impl Settings {
             )?,
             physics: pick(args.physics.map(physics_word), "DSM_PHYSICS", default("rapier".to_owned()))?,
             perception: pick(args.perception.map(perception_word), "DSM_PERCEPTION", default("noisy".to_owned()))?,
+            backend: pick(args.backend.clone(), "DSM_BACKEND", default(EMBEDDED.to_owned()))?,
             threads: pick(args.threads, "DSM_THREADS", default(cores))?,
             time_limit_s: pick(
                 args.time_limit_s,

@@ -8,6 +8,7 @@
 use crate::agent::{Agent, AgentConfig, Halt, Parts};
 use crate::assemble::{Assembled, assemble_recording, knowledge, replay, sees_pixels_alone};
 use crate::error::TaskError;
+use crate::mapping::{Mapping, Updates};
 use crate::perception::Perception;
 use crate::run::{CELL_M, RunSpec};
 use crate::session::nav_config;
@@ -69,13 +70,12 @@ pub fn drive(spec: &RunSpec, interrupted: Arc<AtomicBool>) -> Result<Vec<Moment>
 }
 
 /// One map under construction.
-struct Mapping<'a> {
+struct Trial<'a> {
     condition: &'a Condition,
-    builder: MapBuilder,
-    map: Map,
+    mapping: Mapping,
 }
 
-impl Mapping<'_> {
+impl Trial<'_> {
     fn observe(&mut self, shown: &Shown, wander: &PoseWander, radius_m: f64) {
         let error = wander.error(self.condition.pose_noise_m, &shown.frame.world_from_camera);
         let mut frame = shown.frame.clone();
@@ -91,8 +91,7 @@ impl Mapping<'_> {
             footprint: Some((Point2::from(base.translation.vector.xy()), radius_m)),
             moved: Vec::new(),
         };
-        let update = self.builder.observe(&self.map, &frame, &shown.detections, &carrier);
-        self.map.apply(update);
+        self.mapping.observe(&frame, &shown.detections, &carrier);
     }
 }
 
@@ -148,23 +147,24 @@ fn map_and_count(
     let pixels = sees_pixels_alone(spec).then(Default::default);
     let mut watcher = Watcher { replay: replay(spec)?, pixels };
     let radius_m = watcher.replay.robot().settings.base.footprint_radius_m;
-    let mut mappings: Vec<Mapping<'_>> = conditions
-        .iter()
-        .map(|condition| Mapping {
-            condition,
-            builder: MapBuilder::new(condition.build.clone(), knowledge.clone()),
-            map: Map::new(CELL_M),
-        })
-        .collect();
+    let mapping = |condition: &Condition| {
+        let builder = MapBuilder::new(condition.build.clone(), knowledge.clone());
+        Mapping::new(builder, spec.language.annotator(), Map::new(CELL_M), Updates::Dropped)
+    };
+    let mut trials: Vec<Trial<'_>> =
+        conditions.iter().map(|condition| Trial { condition, mapping: mapping(condition) }).collect();
     let mut wander = PoseWander::new(spec.seed);
     let mut next = moments.first().map(|moment| watcher.show(moment));
     for (index, moment) in moments.iter().enumerate() {
         let Some(shown) = next.take() else { break };
         wander.advance(moment.stamp);
         // The next frame is drawn while this one is mapped.
-        let map = || mappings.par_iter_mut().for_each(|mapping| mapping.observe(&shown, &wander, radius_m));
+        let map = || trials.par_iter_mut().for_each(|trial| trial.observe(&shown, &wander, radius_m));
         next = rayon::join(|| moments.get(index + 1).map(|later| watcher.show(later)), map).0;
     }
-    let maps = mappings.into_iter().map(|mapping| mapping.map).collect();
+    trials.iter_mut().for_each(|trial| {
+        trial.mapping.finish();
+    });
+    let maps = trials.into_iter().map(|trial| trial.mapping.map).collect();
     Ok((maps, watcher.replay.finish(), watcher.pixels.map(|(_, masks)| masks)))
 }

@@ -5,6 +5,8 @@ use super::run::{BarProgress, catch_interrupt, progress_bar, set_threads};
 use super::{Output, ResultArgs};
 use crate::assemble::knowledge;
 use crate::error::TaskError;
+use crate::language::{EMBEDDED, find_language};
+use crate::mapping::{Mapping, Updates};
 use crate::run::{CELL_M, Progress};
 use crate::sequence::{Layout, Options, Sequence};
 use dsm::build::{BuildConfig, MapBuilder};
@@ -38,6 +40,9 @@ pub struct BuildArgs {
     /// Use one frame in so many.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     stride: u32,
+    /// Who describes frames: `embedded`, or a file of models, which needs the feature `models`.
+    #[arg(long, value_name = "embedded|FILE", default_value = EMBEDDED)]
+    backend: String,
     /// Worker threads; never changes a result.
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: u16,
@@ -83,9 +88,10 @@ pub(super) fn run(args: BuildArgs) -> anyhow::Result<u8> {
         None => Source::Pixels,
     };
     check_file(&args.out)?;
+    let language = find_language(&args.backend)?;
     let interrupted = catch_interrupt()?;
-    let mut builder = MapBuilder::new(BuildConfig::default(), knowledge()?);
-    let mut map = Map::new(CELL_M);
+    let builder = MapBuilder::new(BuildConfig::default(), knowledge()?);
+    let mut mapping = Mapping::new(builder, language.annotator(), Map::new(CELL_M), Updates::Dropped);
     let mut segmenter = PixelSegmenter;
     let bar = progress_bar(sequence.len() as f64);
     let mut progress = BarProgress { bar: bar.clone() };
@@ -97,20 +103,21 @@ pub(super) fn run(args: BuildArgs) -> anyhow::Result<u8> {
         let seen = sequence.read(index)?;
         let found = match (source, seen.detections) {
             (Source::Recorded, Some(recorded)) => {
-                builder.credit_names_to(&seen.detector);
+                mapping.builder.credit_names_to(&seen.detector);
                 recorded
             }
             _ => {
-                builder.credit_names_to(segmenter.name());
+                mapping.builder.credit_names_to(segmenter.name());
                 segmenter.detect(&seen.frame)
             }
         };
-        let update = builder.observe(&map, &seen.frame, &found, &seen.carrier);
-        map.apply(update);
+        mapping.observe(&seen.frame, &found, &seen.carrier);
         (frames, detections) = (frames + 1, detections + found.items.len());
         progress.at(index as f64);
     }
     bar.finish_and_clear();
+    mapping.finish();
+    let map = mapping.map;
     // A sequence that breaks in the middle leaves no map, and the one that was there before.
     save_map(&args.out, &map).map_err(TaskError::from)?;
     let (objects, relations, rooms) = (map.stable_objects().count(), map.relations.len(), map.rooms.len());

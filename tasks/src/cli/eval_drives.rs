@@ -6,6 +6,7 @@ use super::suite::parse_seeds;
 use super::{PerceptionChoice, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
+use crate::language::{Language, embedded};
 use crate::run::RunSpec;
 use crate::settings::Settings;
 use crate::survey::drive;
@@ -102,7 +103,9 @@ impl DriveArgs {
             scenes.push(generate(self.seed + u64::from(number), written.path())?);
         }
         let seeds = self.seeds.0..self.seeds.1;
-        let specs = scenes.iter().flat_map(|scene| seeds.clone().map(|seed| spec(scene, seed, &settings)));
+        // Drives are made without a model: what is measured comes afterwards.
+        let language = embedded();
+        let specs = scenes.iter().flat_map(|scene| seeds.clone().map(|seed| spec(scene, seed, &settings, &language)));
         let specs: Vec<RunSpec> = specs.collect();
         for of_scene in specs.chunk_by(|a, b| a.scene == b.scene) {
             crate::assemble::check(&of_scene[0])?;
@@ -150,7 +153,7 @@ fn import(layout: &Path, folder: &Path) -> Result<PathBuf, TaskError> {
     Ok(scene)
 }
 
-fn spec(scene: &Path, seed: u64, settings: &Settings) -> RunSpec {
+fn spec(scene: &Path, seed: u64, settings: &Settings, language: &Arc<dyn Language>) -> RunSpec {
     let folder = if scene.is_dir() { scene.file_name() } else { scene.parent().and_then(Path::file_name) };
     RunSpec {
         name: folder.map_or("scene".into(), |name| name.to_string_lossy().into_owned()),
@@ -160,6 +163,7 @@ fn spec(scene: &Path, seed: u64, settings: &Settings) -> RunSpec {
         robot: settings.robot.value.clone(),
         physics: settings.physics.value.clone(),
         perception: settings.perception.value.clone(),
+        language: language.clone(),
         seed,
         time_limit_s: settings.time_limit_s.value,
         permute_labels: false,

@@ -5,13 +5,14 @@ use super::run::catch_interrupt;
 use super::{Output, ResultArgs};
 use crate::assemble::knowledge;
 use crate::error::TaskError;
+use crate::language::{self, Language, LanguageCost, embedded, find_language, tell_cost};
 use crate::run::RunSpec;
 use crate::survey::{Condition, map_drive};
 use dsm::build::BuildConfig;
 use dsm::eval::{
     Answered, Estimate, GroundingReport, answer_expressions, compare_answers, make_expressions, pool_answers,
 };
-use dsm::ground::{GroundConfig, Grounder};
+use dsm::ground::GroundConfig;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -34,6 +35,10 @@ pub struct EpisodesArgs {
     /// Also ground without the relation filter, without it and each kind of attribute, and without verification.
     #[arg(long)]
     ablations: bool,
+    /// Also ground by this backend: a file of models, which needs the feature `models`. May be given more than once; each
+    /// gives a row.
+    #[arg(long, value_name = "FILE")]
+    backend: Vec<String>,
     /// List wrong answers, one line each.
     #[arg(long)]
     failures: bool,
@@ -53,23 +58,31 @@ struct Report {
     rows: BTreeMap<String, GroundingReport>,
     /// How much higher each rate of `full` is than the row's, over the same expressions.
     gains: BTreeMap<String, GroundingReport>,
+    /// What the models of the rows have cost.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    costs: BTreeMap<String, LanguageCost>,
     /// Every answer of the full row, by scene and seed.
     answers: BTreeMap<String, Vec<Answered>>,
 }
 
+/// Name, parameters and backend.
+type Row = (String, GroundConfig, Arc<dyn Language>);
+
 /// The rows of the table, in order of their names.
-fn rows(ablations: bool) -> Vec<(&'static str, GroundConfig)> {
+fn rows(ablations: bool, languages: &[Arc<dyn Language>]) -> Vec<Row> {
     let full = GroundConfig::default();
     let unfiltered = GroundConfig { relation_filter: false, ..full.clone() };
-    let mut rows = vec![("full", full.clone())];
+    let mut rows = vec![("full".to_owned(), full.clone(), embedded())];
+    rows.extend(languages.iter().map(|language| (language.name().to_owned(), full.clone(), language.clone())));
     if ablations {
-        rows.extend([
+        let ablated = [
             ("without verification", GroundConfig { verify: false, ..full }),
             ("without relations and affordance", GroundConfig { affordance: false, ..unfiltered.clone() }),
             ("without relations and appearance", GroundConfig { appearance: false, ..unfiltered.clone() }),
             ("without relations and physical", GroundConfig { physical: false, ..unfiltered.clone() }),
             ("without relations", unfiltered),
-        ]);
+        ];
+        rows.extend(ablated.map(|(name, config)| (name.to_owned(), config, embedded())));
     }
     rows
 }
@@ -80,12 +93,14 @@ pub(super) fn run(args: EpisodesArgs) -> anyhow::Result<u8> {
         return Err(TaskError::Usage("--pose-noise-cm: expected 0 to 50".into()).into());
     }
     let drives = args.drives.prepare()?;
+    let languages = args.backend.iter().map(|name| find_language(name)).collect::<Result<Vec<_>, TaskError>>()?;
+    let rows = rows(args.ablations, &languages);
     let interrupted = catch_interrupt()?;
-    let mut answers: BTreeMap<&'static str, Vec<(&str, Vec<Answered>)>> = BTreeMap::new();
+    let mut answers: BTreeMap<String, Vec<(&str, Vec<Answered>)>> = BTreeMap::new();
     let mut listed = BTreeMap::new();
     let bar = ProgressBar::with_draw_target(Some(drives.specs.len() as u64), ProgressDrawTarget::stderr());
     for spec in &drives.specs {
-        let made = ground_drive(&drives, spec, &args, &interrupted)?;
+        let made = ground_drive(&drives, spec, args.pose_noise_cm, &rows, &interrupted)?;
         if interrupted.load(Ordering::Relaxed) {
             return Ok(130);
         }
@@ -100,7 +115,7 @@ pub(super) fn run(args: EpisodesArgs) -> anyhow::Result<u8> {
     bar.finish_and_clear();
     let by_row: BTreeMap<&str, Vec<(&str, &[Answered])>> = answers
         .iter()
-        .map(|(row, runs)| (*row, runs.iter().map(|(scene, answers)| (*scene, answers.as_slice())).collect()))
+        .map(|(row, runs)| (row.as_str(), runs.iter().map(|(scene, answers)| (*scene, answers.as_slice())).collect()))
         .collect();
     let full = by_row.get("full").map_or(&[][..], Vec::as_slice);
     let ablated = by_row.iter().filter(|(row, _)| **row != "full");
@@ -112,6 +127,7 @@ pub(super) fn run(args: EpisodesArgs) -> anyhow::Result<u8> {
         maps: drives.specs.len(),
         rows: by_row.iter().map(|(row, runs)| ((*row).to_owned(), pool_answers(runs))).collect(),
         gains: ablated.map(|(row, runs)| ((*row).to_owned(), compare_answers(full, runs))).collect(),
+        costs: languages.iter().filter_map(|language| Some((language.name().to_owned(), language.cost()?))).collect(),
         answers: listed,
     };
     Output::new(args.result).give(&report, || describe(&report, args.failures))?;
@@ -122,20 +138,20 @@ pub(super) fn run(args: EpisodesArgs) -> anyhow::Result<u8> {
 fn ground_drive(
     drives: &Drives,
     spec: &RunSpec,
-    args: &EpisodesArgs,
+    pose_noise_cm: f64,
+    rows: &[Row],
     interrupted: &Arc<AtomicBool>,
-) -> Result<Vec<(&'static str, Vec<Answered>)>, TaskError> {
+) -> Result<Vec<(String, Vec<Answered>)>, TaskError> {
     let knowledge = knowledge()?;
     let moments = drives.find(spec, interrupted)?;
-    let condition = Condition { pose_noise_m: args.pose_noise_cm / 100.0, build: BuildConfig::default() };
+    let condition = Condition { pose_noise_m: pose_noise_cm / 100.0, build: BuildConfig::default() };
     let (maps, truth) = map_drive(spec, &moments, &[condition])?;
     let expressions = make_expressions(&truth, &knowledge, spec.seed);
     let mut made = Vec::new();
-    for (row, config) in rows(args.ablations) {
-        let grounder =
-            Grounder::new(config, knowledge.clone()).map_err(|error| TaskError::Internal(error.to_string()))?;
+    for (row, config, language) in rows {
+        let grounder = language::grounder(&**language, config.clone())?;
         let answers = maps.iter().flat_map(|map| answer_expressions(map, &truth, &expressions, &grounder)).collect();
-        made.push((row, answers));
+        made.push((row.clone(), answers));
     }
     Ok(made)
 }
@@ -151,6 +167,7 @@ fn describe(report: &Report, failures: bool) -> String {
         let _ = writeln!(text, "{row}");
         table.estimates.iter().for_each(|(name, estimate)| text.push_str(&line(name, estimate)));
     }
+    report.costs.values().for_each(|cost| text += &tell_cost(Some(cost)));
     for (row, table) in &report.gains {
         let _ = writeln!(text, "full against {row}: how much higher");
         let said = |name: &str| ["right", "right/multiple", "right/unique", "absent_refused"].contains(&name);

@@ -3,6 +3,7 @@
 use super::output::to_json;
 use super::{Output, ResultArgs};
 use crate::error::TaskError;
+use crate::language::{EMBEDDED, Language, LanguageCost, embedded, find_language, tell_cost};
 use dsm::eval_grounding::{
     Prediction, QueryLine, Rate, Report, SceneLine, cross_validate, evaluate, find_contradiction, fit_all,
     list_failures, read_queries, read_referit3d, read_scanrefer, read_scenes, write_weights,
@@ -46,6 +47,10 @@ pub struct GroundingArgs {
     /// Measure again with this part switched off; may be given more than once.
     #[arg(long)]
     ablate: Vec<Part>,
+    /// Who reads words and scores relations: `embedded`, or a file of models, which needs the feature `models`. May be given
+    /// more than once: the first gives the answers and all tables, each gives a row of its own.
+    #[arg(long, value_name = "embedded|FILE", default_value = EMBEDDED, conflicts_with = "fit")]
+    backend: Vec<String>,
     #[command(flatten)]
     result: ResultArgs,
 }
@@ -77,9 +82,24 @@ struct Measured {
     folds: Option<u16>,
     #[serde(flatten)]
     report: Report,
+    /// One row per backend, in the order in which they were named.
+    backends: Vec<BackendRow>,
     /// Rates without a part, by part.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     without: BTreeMap<String, BTreeMap<String, Rate>>,
+}
+
+/// What a backend is worth and what it costs.
+#[derive(Serialize)]
+struct BackendRow {
+    backend: String,
+    /// Rates by data set.
+    rates: BTreeMap<String, Rate>,
+    /// Wall time of all queries together, seconds.
+    seconds: f64,
+    /// What its model has cost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cost: Option<LanguageCost>,
 }
 
 impl Part {
@@ -110,29 +130,31 @@ pub(super) fn run(args: GroundingArgs) -> anyhow::Result<u8> {
         .map_err(|error| TaskError::Usage(format!("{}: {error}", args.scenes.display())))?;
     let queries = queries_of(&args.queries, &scenes)?;
     let knowledge = crate::assemble::knowledge()?;
-    let grounder = |without: Option<Part>, weights: RankingWeights| {
+    let languages = args.backend.iter().map(|name| find_language(name)).collect::<Result<Vec<_>, TaskError>>()?;
+    let grounder = |language: &dyn Language, without: Option<Part>, weights: RankingWeights| {
         let mut config = GroundConfig::referring();
         if let Some(part) = without {
             part.switch_off(&mut config);
         }
-        make(&config, &knowledge).map(|grounder| grounder.with_weights(weights))
+        let grounder = make(&config, &knowledge)?.with_weights(weights);
+        Ok::<Grounder, TaskError>(language.plug_into(grounder))
     };
     if let Some(path) = &args.fit {
-        let weights = fit_all(&scenes, &queries, &grounder(None, RankingWeights::unfitted())?);
+        let weights = fit_all(&scenes, &queries, &grounder(&*embedded(), None, RankingWeights::unfitted())?);
         write_atomically(path, write_weights(&weights).as_bytes()).map_err(TaskError::from)?;
     }
     // Wall time per query is measured here, at the edge.
     #[expect(clippy::disallowed_methods)]
     let start = Instant::now();
     let now_us = || start.elapsed().as_micros() as u64;
-    let measure = |without: Option<Part>| -> Result<(Vec<Prediction>, Report), TaskError> {
+    let measure = |language: &dyn Language, without: Option<Part>| -> Result<(Vec<Prediction>, Report), TaskError> {
         let shipped =
             if without == Some(Part::Weights) { RankingWeights::unfitted() } else { RankingWeights::fitted() };
-        let plain = grounder(without, shipped)?;
+        let plain = grounder(language, without, shipped)?;
         Ok(match args.folds {
             Some(folds) if without != Some(Part::Weights) => {
                 // The configuration was valid a moment ago.
-                let with = |weights: RankingWeights| match grounder(without, weights) {
+                let with = |weights: RankingWeights| match grounder(language, without, weights) {
                     Ok(grounder) => grounder,
                     Err(_) => unreachable!("the same configuration was accepted before"),
                 };
@@ -141,23 +163,46 @@ pub(super) fn run(args: GroundingArgs) -> anyhow::Result<u8> {
             _ => evaluate(&scenes, &queries, &plain, now_us),
         })
     };
-    let (predictions, report) = measure(None)?;
+    let mut measured = Vec::new();
+    for language in &languages {
+        let (predictions, report) = measure(&**language, None)?;
+        refuse_contradiction(&report)?;
+        measured.push((row_of(&**language, &predictions, &report), predictions, report));
+    }
+    let mut backends = Vec::new();
+    let mut first = None;
+    for (row, predictions, report) in measured {
+        backends.push(row);
+        first.get_or_insert((predictions, report));
+    }
+    let Some((predictions, report)) = first else {
+        return Err(TaskError::Usage("--backend: expected embedded or a file of models".into()).into());
+    };
     if let Some(path) = &args.predictions {
         write_lines(path, &predictions)?;
     }
     if let Some(path) = &args.failures {
         write_lines(path, &list_failures(&scenes, &queries, &predictions))?;
     }
-    refuse_contradiction(&report)?;
     let mut without = BTreeMap::new();
     for part in &args.ablate {
-        let (_, report) = measure(Some(*part))?;
+        let (_, report) = measure(&*languages[0], Some(*part))?;
         refuse_contradiction(&report)?;
         without.insert(part.name(), report.rates);
     }
-    let measured = Measured { folds: args.folds, report, without };
+    let measured = Measured { folds: args.folds, report, backends, without };
     Output::new(args.result).give(&measured, || describe(&measured, args.classes))?;
     Ok(0)
+}
+
+fn row_of(language: &dyn Language, predictions: &[Prediction], report: &Report) -> BackendRow {
+    let whole = |(name, _): &(&String, &Rate)| !name.contains('/');
+    BackendRow {
+        backend: language.name().to_owned(),
+        rates: report.rates.iter().filter(whole).map(|(name, rate)| (name.clone(), *rate)).collect(),
+        seconds: predictions.iter().map(|prediction| prediction.time_us as f64).sum::<f64>() * 1e-6,
+        cost: language.cost(),
+    }
 }
 
 fn make(config: &GroundConfig, knowledge: &Arc<Knowledge>) -> Result<Grounder, TaskError> {
@@ -196,7 +241,7 @@ fn read(path: &Path) -> Result<String, TaskError> {
 }
 
 fn describe(measured: &Measured, classes: bool) -> String {
-    let Measured { folds, report, without } = measured;
+    let Measured { folds, report, backends, without } = measured;
     let mut text = String::new();
     for (dataset, tier) in &report.tiers {
         let _ = writeln!(text, "tier of {dataset}: {tier}");
@@ -207,6 +252,14 @@ fn describe(measured: &Measured, classes: bool) -> String {
     let _ = writeln!(text, "{:<34} {:>6}  {:>14}  {:>6}", "", "%", "95 % interval", "N");
     for (key, rate) in &report.rates {
         text += &row(key, rate);
+    }
+    for BackendRow { backend, rates, seconds, cost } in backends.iter().filter(|_| backends.len() > 1) {
+        let _ = writeln!(text, "backend {backend}: {seconds:.1} s of all queries");
+        rates.iter().for_each(|(key, rate)| text += &row(key, rate));
+        text += &tell_cost(cost.as_ref());
+    }
+    if let [BackendRow { cost: Some(cost), .. }] = backends.as_slice() {
+        text += &tell_cost(Some(cost));
     }
     for (part, rates) in without {
         let _ = writeln!(text, "without {part}:");

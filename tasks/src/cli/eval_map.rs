@@ -4,6 +4,7 @@ use super::eval_drives::{DriveArgs, Drives};
 use super::run::catch_interrupt;
 use super::{Output, ResultArgs};
 use crate::error::TaskError;
+use crate::language::{EMBEDDED, LanguageCost, find_language, tell_cost};
 use crate::run::RunSpec;
 use crate::survey::{Condition, score_drive};
 use dsm::build::BuildConfig;
@@ -35,6 +36,9 @@ pub struct MapArgs {
     /// Switch parts off at these noises only, centimetres, separated by commas; at all when left out.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_noise, requires = "ablate")]
     ablate_at_cm: Vec<f64>,
+    /// Who describes frames while they are mapped: `embedded`, or a file of models, which needs the feature `models`.
+    #[arg(long, value_name = "embedded|FILE", default_value = EMBEDDED)]
+    backend: String,
     /// Scenes and seeds that run side by side; never changes a result.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     workers: u16,
@@ -82,6 +86,10 @@ struct Table {
 struct Report {
     schema: u32,
     perception: String,
+    backend: String,
+    /// What its model has cost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cost: Option<LanguageCost>,
     tables: Vec<Table>,
 }
 
@@ -92,7 +100,9 @@ fn parse_noise(text: &str) -> Result<f64, String> {
 
 /// Measures; code 0 once it has measured.
 pub(super) fn run(args: MapArgs) -> anyhow::Result<u8> {
-    let drives = args.drives.prepare()?;
+    let mut drives = args.drives.prepare()?;
+    let language = find_language(&args.backend)?;
+    drives.specs.iter_mut().for_each(|spec| spec.language = language.clone());
     let conditions = conditions(&args);
     let interrupted = catch_interrupt()?;
     let runs = run_all(&drives, &conditions, args.workers, &interrupted)?;
@@ -121,7 +131,13 @@ pub(super) fn run(args: MapArgs) -> anyhow::Result<u8> {
             scores: runs.iter().map(of_run).collect(),
         }
     });
-    let report = Report { schema: SCHEMA, perception: drives.perception.clone(), tables: tables.collect() };
+    let report = Report {
+        schema: SCHEMA,
+        perception: drives.perception.clone(),
+        backend: language.name().to_owned(),
+        cost: language.cost(),
+        tables: tables.collect(),
+    };
     Output::new(args.result.clone()).give(&report, || describe(&report, args.faults))?;
     Ok(0)
 }
@@ -184,7 +200,7 @@ fn run_all(
 }
 
 fn describe(report: &Report, with_faults: bool) -> String {
-    let mut text = String::new();
+    let mut text = tell_cost(report.cost.as_ref());
     for table in &report.tables {
         let off = |on: bool, name: &str| if on { String::new() } else { format!(", {name} off") };
         let (window, align) = (off(table.window, "window"), off(table.align, "align"));

@@ -2,12 +2,11 @@
 
 use super::{Output, ResultArgs};
 use crate::error::TaskError;
-use dsm::eval::{
-    AnsweredLabeller, CloudScore, EmbeddedLabeller, LabelClasses, LabelledCloud, Labeller, Question, describe,
-    score_cloud,
-};
+use crate::language::{EMBEDDED, LanguageCost, find_language, tell_cost};
+use dsm::eval::{AnsweredLabeller, CloudScore, LabelClasses, LabelledCloud, Labeller, Question, describe, score_cloud};
 use dsm::map::Map;
 use dsm::store::{load_map, write_atomically};
+use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -33,6 +32,9 @@ pub struct SegmentationArgs {
     /// it the embedded text encoder chooses.
     #[arg(long, value_name = "FILE")]
     answers: Option<PathBuf>,
+    /// Who chooses the classes: `embedded`, or a file of models, which needs the feature `models`.
+    #[arg(long, value_name = "embedded|FILE", default_value = EMBEDDED, conflicts_with = "answers")]
+    backend: String,
     #[command(flatten)]
     result: ResultArgs,
 }
@@ -57,6 +59,16 @@ nearest map point within 25 cm, or none. mAcc is the mean over the classes of th
 right class, F-mIoU that of intersection over union. Classes without a point in the cloud do not count. \
 `dsm scene labels` writes both files for a scene of one's own.";
 
+/// The result.
+#[derive(Serialize)]
+struct Scored {
+    #[serde(flatten)]
+    score: CloudScore,
+    /// What a model has cost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cost: Option<LanguageCost>,
+}
+
 /// Measures; code 0 once it has measured.
 pub(super) fn run(args: SegmentationArgs) -> anyhow::Result<u8> {
     let map = load_map(&args.map).map_err(TaskError::from)?.map;
@@ -71,12 +83,14 @@ pub(super) fn run(args: SegmentationArgs) -> anyhow::Result<u8> {
         let path = path.display().to_string();
         move |error| TaskError::Usage(format!("{path}: {error}"))
     };
+    let language = find_language(&args.backend)?;
     let (mut labeller, source): (Box<dyn Labeller>, &Path) = match &args.answers {
         Some(path) => (Box::new(AnsweredLabeller::parse(&read_text(path)?).map_err(wrong(path))?), path),
-        None => (Box::new(EmbeddedLabeller::new(crate::assemble::knowledge()?)), &args.truth),
+        None => (language.labeller()?, &args.truth),
     };
     let score = score_cloud(&map, &truth, &classes, labeller.as_mut()).map_err(wrong(source))?;
-    Output::new(args.result).give(&score, || tell(&score))?;
+    let scored = Scored { score, cost: language.cost() };
+    Output::new(args.result).give(&scored, || tell(&scored.score) + &tell_cost(scored.cost.as_ref()))?;
     Ok(0)
 }
 

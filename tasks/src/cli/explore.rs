@@ -4,6 +4,7 @@ use super::output::prepare_folder;
 use super::run::{BarProgress, catch_interrupt, default_folder, exit_code, progress_bar, run_and_write, set_threads};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
+use crate::language::find_language;
 use crate::run::RunSpec;
 use crate::settings::Settings;
 use std::path::PathBuf;
@@ -33,6 +34,7 @@ pub(super) fn run(args: ExploreArgs) -> anyhow::Result<u8> {
         robot: settings.robot.value,
         physics: settings.physics.value,
         perception: settings.perception.value,
+        language: find_language(&settings.backend.value)?,
         seed: settings.seed.value,
         ..RunSpec::new(
             format!("explore-{scene_name}"),

@@ -15,6 +15,7 @@ mod explore;
 mod ground;
 mod info;
 mod map;
+mod models;
 mod output;
 mod record;
 mod replay;
@@ -75,6 +76,10 @@ pub struct WorldArgs {
     /// Simulated perception [env: DSM_PERCEPTION].
     #[arg(long)]
     pub perception: Option<PerceptionChoice>,
+    /// Who reads words, verifies and describes: `embedded`, or a file of models, which needs the feature `models`
+    /// [env: DSM_BACKEND].
+    #[arg(long, value_name = "embedded|FILE")]
+    pub backend: Option<String>,
     /// Worker threads; never changes a result [env: DSM_THREADS].
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
@@ -144,6 +149,9 @@ pub enum Command {
     /// Generate, import, check or survey scenes.
     #[command(subcommand)]
     Scene(scene::SceneCommand),
+    /// Look into language models.
+    #[command(subcommand)]
+    Models(models::ModelsCommand),
     /// Look into a robot.
     #[command(subcommand)]
     Robot(robot::RobotCommand),
@@ -182,6 +190,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Eval(command) => eval::run(command),
         Command::Map(command) => map::run(command),
         Command::Scene(command) => scene::run(command),
+        Command::Models(command) => models::run(command),
         Command::Robot(command) => robot::run(command),
         Command::Drivers(command) => drivers::run(command),
         Command::Config(command) => info::config(command),

@@ -8,6 +8,7 @@ use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
 use crate::failure_page::{FAILURE_FILE, failure_page};
+use crate::language::find_language;
 use crate::perception::Tape;
 use crate::replay::{EntryFile, Recorder, RecordingEnd};
 use crate::run::{Finished, Progress, RunSpec, run_kept};
@@ -130,6 +131,7 @@ pub fn prepare(file: &Path, world: &WorldArgs) -> Result<(RunSpec, Settings), Ta
         robot: settings.robot.value.clone(),
         physics: settings.physics.value.clone(),
         perception: settings.perception.value.clone(),
+        language: find_language(&settings.backend.value)?,
         seed: settings.seed.value,
         time_limit_s: settings.time_limit_s.value,
         permute_labels: false,

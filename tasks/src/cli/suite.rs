@@ -90,6 +90,7 @@ pub(super) fn run(args: SuiteArgs) -> anyhow::Result<u8> {
         Some(count) => generate(count, &folder, &args)?,
         None => named,
     };
+    let specs = with_one_language(specs);
     let interrupted = catch_interrupt()?;
     let mut episodes = run_all(&specs, &folder, usize::from(args.workers), args.out.force, &interrupted)?;
     episodes.sort_by(|a, b| (&a.id, a.seed).cmp(&(&b.id, b.seed)));
@@ -119,6 +120,14 @@ fn find_specs(files: &[PathBuf], args: &SuiteArgs) -> Result<Vec<RunSpec>, TaskE
         }
     }
     Ok(specs)
+}
+
+/// One backend of language for all runs, so that its budget is one. It is named by flag or environment, not by episodes.
+fn with_one_language(mut specs: Vec<RunSpec>) -> Vec<RunSpec> {
+    if let Some(language) = specs.first().map(|spec| spec.language.clone()) {
+        specs.iter_mut().for_each(|spec| spec.language = language.clone());
+    }
+    specs
 }
 
 /// Writes generated homes and their episodes below the folder, and returns the runs.

@@ -27,13 +27,14 @@ impl Fingerprint {
         let scene = dsm_sim::scene::scene_file(&spec.scene);
         // Where the episode file lies decides nothing.
         let settings = format!(
-            "{} {:?} {} {} {} {} {} {}",
+            "{} {:?} {} {} {} {} {} {} {}",
             program.0?,
             spec.episode,
             spec.name,
             spec.robot,
             spec.physics,
             spec.perception,
+            spec.language.name(),
             spec.seed,
             spec.time_limit_s
         );

@@ -9,6 +9,7 @@ use crate::agent::Halt;
 use crate::assemble::{enveloped, find_robot};
 use crate::crew::{Crew, Gear, settle};
 use crate::error::TaskError;
+use crate::language::embedded;
 use crate::journal::{Event, Witness};
 use crate::perception::Learned;
 use dsm::map::Map;
@@ -74,6 +75,7 @@ pub fn play(
         robot: enveloped(replayed, &model, StopSwitch::default()),
         model,
         detector,
+        language: embedded(),
         tapes: vec![tape],
         time_limit_s: head.time_limit_s,
         interrupted,

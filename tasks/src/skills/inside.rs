@@ -86,7 +86,7 @@ impl OpenDrawer {
     pub fn find(&self, agent: &Agent, grounder: &Grounder, words: &str) -> Option<Grounding> {
         let mut there = Map::clone(agent.map());
         there.objects.retain(|_, object| self.shows(&object.bounds.center));
-        let grounding = grounder.ground(&there, words, None);
+        let grounding = grounder.without_backends().ground(&there, words, None);
         let is_there = matches!(grounding.status, GroundingStatus::Found | GroundingStatus::Ambiguous);
         let grounding = Grounding { status: GroundingStatus::Found, ..grounding };
         Some(grounding).filter(|grounding| is_there && grounding.object_id.is_some())

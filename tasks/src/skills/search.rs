@@ -66,6 +66,8 @@ pub fn search(
             return Ok(known);
         }
     }
+    // A model would be asked anew with every map; it speaks when an answer counts.
+    let plain = grounder.without_backends();
     let mut grounded_at = Stamp(i64::MIN / 2);
     let mut same_since: Option<(Stamp, Option<u64>, Option<u32>)> = None;
     let mut enough = |map: &Arc<Map>| {
@@ -73,7 +75,7 @@ pub fn search(
             return false;
         }
         grounded_at = map.stamp;
-        let grounding = grounder.ground(map, text, None);
+        let grounding = plain.ground(map, text, None);
         if grounding.status == GroundingStatus::Unparsed {
             return true;
         }
@@ -96,7 +98,7 @@ pub fn search(
             }
         }
     };
-    let named = named_in(knowledge, grounder.ground(agent.map(), text, None).query.as_ref());
+    let named = named_in(knowledge, plain.ground(agent.map(), text, None).query.as_ref());
     let inspect = |map: &Map| named.find_in(map, knowledge);
     let outcome = explorer.run(agent, end, Interest { enough: &mut enough, inspect: &inspect })?;
     let now_s = agent.now().as_s();
