@@ -109,7 +109,7 @@ fn changes_are_located(bench: &Bench) {
         if let Entry::Frame(frame) = &mut entry
             && frame.stamp == AT
         {
-            frame.world_from_camera.translation.x += 1e-9;
+            frame.world_from_camera.translation.x += 1e-3;
         }
         Some(entry)
     });
@@ -119,11 +119,11 @@ fn changes_are_located(bench: &Bench) {
     let found = differs(&mut |mut entry| {
         if let Entry::Period(period) = &mut entry
             && period.now >= AT
+            && let Some(Ok(mut answer)) = period.world_from_base.find(0).cloned()
         {
             let mut answers = Answers::default();
-            let mut answer = period.world_from_base.find(0).unwrap().clone();
-            answer.as_mut().unwrap().pose.translation.x += 0.4;
-            answers.note(answer);
+            answer.pose.translation.x += 0.4;
+            answers.note(Ok(answer));
             period.world_from_base = answers;
         }
         Some(entry)
@@ -136,10 +136,10 @@ fn changes_are_located(bench: &Bench) {
         if let Entry::Learnt(learnt) = &mut entry
             && learnt.stamp >= AT
             && frame.is_none()
-            && let Some(first) = learnt.detections.items.first_mut()
+            && let Some(largest) = learnt.detections.items.iter_mut().max_by_key(|item| item.mask.area())
         {
-            first.score *= 0.5;
-            first.name = "toaster".into();
+            largest.score *= 0.5;
+            largest.name = "toaster".into();
             frame = Some(learnt.stamp);
         }
         Some(entry)
@@ -169,7 +169,7 @@ fn changes_are_located(bench: &Bench) {
 fn cuts_replay_up_to_there(bench: &Bench) {
     let (run, cut) = (bench.path().join("run.mcap"), bench.path().join("cut.mcap"));
     let whole = fs::read(&run).unwrap();
-    for share in [0.3, 0.77, 0.9999] {
+    for share in [0.3, 0.77, 0.99] {
         fs::write(&cut, &whole[..(share * whole.len() as f64) as usize]).unwrap();
         let report = replayed(&cut);
         assert!(report.identical && !report.notices.is_empty(), "{share}: {report:?}");
