@@ -38,6 +38,7 @@ fn the_drivers_of_rapier_behave_bare_and_within_the_envelope() {
 }
 
 /// What strikes, when braking has to begin, and why.
+#[allow(clippy::type_complexity, reason = "a table")]
 fn faults() -> Vec<(FaultKind, Option<FaultPart>, f64, fn(&Cause) -> bool)> {
     let arm = Some(FaultPart::Arm);
     vec![

@@ -25,6 +25,7 @@ pub(crate) fn finished(name: &str) -> Finished {
         decided_by: name.to_owned(),
         frame: ReferenceFrame::None,
         backend: "embedded".into(),
+        spoken: Vec::new(),
         query: None,
     };
     let step = StepSummary {

@@ -147,8 +147,7 @@ fn pauses_double_and_are_drawn_from_the_seed() {
         let client = client(LanguageSettings { seed, ..settings() }, &fake, &hand);
         assert!(matches!(tags(&client, &knowledge, 1), Err(ModelError::Failing { status: 503, .. })));
         assert_eq!(fake.count(), 4);
-        let pauses = hand.pauses.lock().unwrap().clone();
-        pauses
+        hand.pauses.lock().unwrap().clone()
     };
     let drawn = pauses(0);
     assert_eq!(drawn.len(), 3);

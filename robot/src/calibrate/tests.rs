@@ -96,7 +96,6 @@ fn a_wrong_mounting_is_found_from_noisy_depth() {
         let CalibrationOutcome::Estimated(found) = outcome else { panic!("seed {seed}: {outcome:?}") };
         let shift_m = (found.mount_from_camera.translation.vector - truth.translation.vector).norm();
         let turn_deg = found.mount_from_camera.rotation.angle_to(&truth.rotation).to_degrees();
-        println!("seed {seed}: off by {:.2} mm, {turn_deg:.3} deg; {found:?}", 1e3 * shift_m);
         assert!(shift_m < 0.004 && turn_deg < 0.25, "seed {seed}: off by {shift_m} m, {turn_deg} deg: {found:?}");
         assert!(found.residual_m[1] < found.residual_m[0]);
         assert!(found.sigma.iter().all(|sigma| (1e-6..0.01).contains(sigma)), "{:?}", found.sigma);
@@ -115,7 +114,6 @@ fn a_motion_about_one_axis_is_refused_with_the_open_direction() {
     let shift = Vector3::new(direction[0], direction[1], direction[2]);
     let turn = Vector3::new(direction[3], direction[4], direction[5]);
     let off_axis = (shift - up * up.dot(&shift)).norm() + (turn - up * up.dot(&turn)).norm();
-    println!("{direction:?} {information} {off_axis}");
     assert!(off_axis < 0.3, "{direction:?}");
 }
 

@@ -137,6 +137,7 @@ impl Robot for Fake {
     }
 }
 
+#[allow(clippy::large_enum_variant, reason = "a test")]
 enum Kept {
     Frame(RgbdFrame),
     Period(Period),

@@ -342,6 +342,7 @@ mod tests {
             decided_by: String::new(),
             frame: ReferenceFrame::None,
             backend: String::new(),
+            spoken: Vec::new(),
             query: None,
         };
         // A shelf is half a cabinet to the words; the orange on the cabinet had not been seen yet.

@@ -62,7 +62,7 @@ pub(crate) fn connections() -> Vec<Case> {
         fails("answers in TLS", vec![Act::Raw(vec![0x15, 3, 3, 0, 2, 2, 40])], &["broken", "unreachable"]),
         fails(
             "answers in noise",
-            vec![Act::Raw((0..4000_u32).map(|i| (i * 2_654_435_761 >> 13) as u8).collect())],
+            vec![Act::Raw((0..4000_u32).map(|i| ((i * 2_654_435_761) >> 13) as u8).collect())],
             &["broken", "unreachable"],
         ),
         fails("answers without a head", vec![raw(&good)], &["broken", "unreachable"]),
