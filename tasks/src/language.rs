@@ -3,9 +3,6 @@
 #[cfg(feature = "models")]
 mod plugged;
 
-#[cfg(feature = "models")]
-pub(crate) use plugged::open as open_client;
-
 use crate::assemble::knowledge;
 use crate::error::TaskError;
 use dsm::eval::{EmbeddedLabeller, Labeller};

@@ -387,7 +387,19 @@ impl Client {
 /// # Errors
 /// A file that cannot be used, a key that is not set, a record that cannot be opened.
 pub fn open_client(file: &Path) -> Result<Arc<Client>, crate::OpenError> {
+    open_with(crate::settings::ModelSettings::load(file)?.language, file)
+}
+
+/// As [`open_client`], without the cache: what was answered once says nothing of the server as it is.
+///
+/// # Errors
+/// As [`open_client`].
+pub fn open_afresh(file: &Path) -> Result<Arc<Client>, crate::OpenError> {
     let settings = crate::settings::ModelSettings::load(file)?.language;
+    open_with(LanguageSettings { cache: None, answers: Answers::Live, ..settings }, file)
+}
+
+fn open_with(settings: LanguageSettings, file: &Path) -> Result<Arc<Client>, crate::OpenError> {
     let key = settings.get_key(file)?;
     let record = settings.record.clone().unwrap_or_default();
     let client = Client::open(settings, key.as_deref());

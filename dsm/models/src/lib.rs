@@ -65,7 +65,7 @@ mod wire;
 pub use annotate::LanguageAnnotator;
 pub use budget::Spent;
 pub use check::{Check, Checked, check};
-pub use client::{Client, open_client};
+pub use client::{Client, open_afresh, open_client};
 pub use error::ModelError;
 pub use http::{Reply, Transport};
 pub use labels::LanguageLabeller;

@@ -101,14 +101,14 @@ mod tests {
 
     #[test]
     fn a_mark_lies_on_its_thing() {
-        let square = mask((10..20).flat_map(|x| (10..20).map(move |y| (x, y))));
-        assert_eq!(find_middle(&square), Some(14 * 40 + 14));
+        let square = mask((5..35).flat_map(|x| (3..28).map(move |y| (x, y))));
+        assert_eq!(find_middle(&square), Some(15 * 40 + 20));
         let ring = mask((0..40).map(|x| (x, 0)).chain((0..40).map(|x| (x, 29))));
         let middle = find_middle(&ring).unwrap();
         assert!(ring.pixels().any(|pixel| pixel == middle as usize));
         let mut drawn = canvas();
         draw_mark(&mut drawn, &square, 7);
-        assert_eq!(drawn.color[10 * 40 + 10], COLORS[1], "outline");
+        assert_eq!(drawn.color[3 * 40 + 5], COLORS[1], "outline");
         assert!(drawn.color.iter().filter(|color| **color == [255; 3]).count() > 10, "digit");
     }
 

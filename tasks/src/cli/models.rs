@@ -19,7 +19,7 @@ pub enum ModelsCommand {
 #[cfg(feature = "models")]
 pub(super) fn run(command: ModelsCommand) -> anyhow::Result<u8> {
     let ModelsCommand::Check { file, result } = command;
-    let client = crate::language::open_client(&file)?;
+    let client = dsm_models::open_afresh(&file).map_err(|error| crate::error::TaskError::Usage(error.to_string()))?;
     let knowledge = crate::assemble::knowledge()?;
     let checked =
         dsm_models::check(&client, &knowledge).map_err(|error| crate::error::TaskError::Internal(error.to_string()))?;

@@ -27,14 +27,9 @@ impl fmt::Debug for Plugged {
 
 impl Plugged {
     pub(super) fn open(file: &str) -> Result<Self, TaskError> {
-        let client = open(Path::new(file))?;
+        let client = open_client(Path::new(file)).map_err(|error: OpenError| TaskError::Usage(error.to_string()))?;
         Ok(Self { file: file.to_owned(), client, knowledge: knowledge()? })
     }
-}
-
-/// The client of a file of models.
-pub(crate) fn open(file: &Path) -> Result<Arc<Client>, TaskError> {
-    open_client(file).map_err(|error: OpenError| TaskError::Usage(error.to_string()))
 }
 
 impl Language for Plugged {
