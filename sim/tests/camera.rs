@@ -162,10 +162,15 @@ fn noisy() -> SensorModel {
 }
 
 #[test]
-fn the_oracle_changes_nothing() {
+fn the_oracle_rounds_depth_to_millimetres_and_changes_nothing_else() {
     let image = true_image();
     let sensed = SensorModel::oracle().sense(&image, &camera(), KEY);
-    assert_eq!((sensed.color, sensed.depth_m), (image.color, image.depth_m));
+    assert_eq!(sensed.color, image.color);
+    // A camera hands depth out in 16 bits of whole millimetres.
+    for (sensed, depth) in sensed.depth_m.iter().zip(&image.depth_m) {
+        assert!((sensed - depth).abs() <= 0.000_501, "{sensed} {depth}");
+        assert!((1000.0 * sensed - (1000.0 * sensed).round()).abs() < 0.01, "{sensed}");
+    }
 }
 
 #[test]
@@ -179,7 +184,8 @@ fn depth_is_quantised_in_eighths_of_a_disparity_and_spreads_as_the_model_says() 
         .collect();
     assert!(wall.len() > 20_000);
     let disparities: Vec<f32> = wall.iter().map(|depth| 8.0 * 35.130 / depth).collect();
-    assert!(disparities.iter().all(|d| (d - d.round()).abs() < 1e-3));
+    // Depth in whole millimetres: half of one is 0.016 steps at 3 m.
+    assert!(disparities.iter().all(|d| (d - d.round()).abs() < 0.02));
     // 8 * 35.130 / 3 = 93.68: with a deviation of 8 * 0.0278 = 0.222 steps, 79 % fall on 94 and 21 % on 93.
     let share = disparities.iter().filter(|d| d.round() == 94.0).count() as f64 / disparities.len() as f64;
     assert!((share - 0.79).abs() < 0.02, "{share}");

@@ -120,7 +120,10 @@ pub(super) fn split_container(tokens: &[String]) -> Option<(&[String], &[String]
             _ => return None,
         };
         let rest = tokens.get(at + length..)?;
-        match (split_part(rest), find_bare_part(rest)) {
+        // "The cup farthest from the door" is not behind it; a door whose whole is not said holds nothing.
+        let is_distance = at > 0 && matches!(word(at - 1), "farthest" | "furthest" | "far" | "away");
+        let bare = find_bare_part(rest).filter(|part| part.kind == Some(PartKind::Drawer) && !is_distance);
+        match (split_part(rest), bare) {
             ((whole, Some(part)), _) => Some((&tokens[..at], whole, part)),
             ((_, None), Some(part)) => Some((&tokens[..at], &rest[..0], part)),
             ((_, None), None) => None,
@@ -157,6 +160,8 @@ mod tests {
         );
         assert_eq!(split("the mug in the drawer"), found("the mug", "", None));
         assert_eq!(split("the mug out of the top drawer"), found("the mug", "", top));
+        assert_eq!(split("the cup farthest from the door"), None);
+        assert_eq!(split("the cup farthest from the drawer"), None);
         assert_eq!(split("the mug in the kitchen"), None);
         assert_eq!(split("the mug next to the chest of drawers"), None);
     }
