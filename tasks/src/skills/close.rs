@@ -4,13 +4,13 @@
 use super::Outcome;
 use super::ajar::{Ajar, Stand, read_stand};
 use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
-use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool_around};
 use super::drive::{Drive, DriveOutcome};
 use super::front_places::{Reach, WRIST_LOOK_M, places_to_look, reaches};
 use super::fronts::{Side, gather};
 use super::grasp::{GraspSettings, finger_links};
 use super::inside::OpenDrawer;
 use super::obstacles::find_obstacles;
+use super::open::pose_before;
 use super::pull::{creep, turn};
 use super::push::{Push, push};
 use super::retreat::retreat;
@@ -239,19 +239,9 @@ impl Task<'_> {
         let obstacles = find_obstacles(agent.map(), Some(&agent.live), &world_from_base, None);
         // As far back as the base has room before what stands open.
         let back_m = (WRIST_LOOK_M - left_m).clamp(0.0, WRIST_LOOK_M);
-        let motion = ToolMove {
-            goal: Translation3::new(-back_m, 0.0, 0.0) * grip,
-            obstacles: &obstacles,
-            touching: &[],
-            speed_m_per_s: self.settings.free_speed_m_per_s,
-            posture: Some(&reach.joints),
-            give_up_after: STUCK_AFTER,
-            clearance_m: None,
-        };
-        if let ArmOutcome::Stuck { error_m, error_rad } = move_tool_around(agent, &motion, (0.05, 0.2))?
-            && (error_m > 0.05 || error_rad > 0.2)
-        {
-            return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before it"))));
+        let before = Translation3::new(-back_m, 0.0, 0.0) * grip;
+        if let Err(failure) = pose_before(agent, self.settings, before, reach, &obstacles, "it")? {
+            return Ok(Err(failure));
         }
         let model = agent.model().clone();
         let tool = model.kinematics.root_from_link(&agent.configuration()?, model.tool);

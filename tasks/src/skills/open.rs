@@ -16,11 +16,13 @@ use super::retreat::retreat;
 use super::swing::{Hinge, swing};
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
+use dsm::Pose;
 use dsm::geometry::OrientedBox;
 use dsm::ground::Part;
 use dsm::map::ObjectId;
 use dsm::time::Span;
 use dsm_robot::grasp::{Front, Handle};
+use dsm_robot::model::Obstacle;
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
 use nalgebra::{Point3, Translation3};
 
@@ -262,19 +264,8 @@ impl Task<'_> {
         let world_from_base = agent.world_from_base()?;
         let obstacles = find_obstacles(agent.map(), Some(&agent.live), &world_from_base, None);
         agent.grip(OPENING_M, 10.0);
-        let motion = ToolMove {
-            goal: before,
-            obstacles: &obstacles,
-            touching: &[],
-            speed_m_per_s: self.settings.free_speed_m_per_s,
-            posture: Some(&reach.joints),
-            give_up_after: STUCK_AFTER,
-            clearance_m: None,
-        };
-        if let ArmOutcome::Stuck { error_m, error_rad } = move_tool_around(agent, &motion, (0.05, 0.2))?
-            && (error_m > 0.05 || error_rad > 0.2)
-        {
-            return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the handle"))));
+        if let Err(failure) = pose_before(agent, self.settings, before, reach, &obstacles, "the handle")? {
+            return Ok(Err(failure));
         }
         creep(agent, left_m, 0.1)?;
         // From here on nothing moves but the arm.
@@ -374,4 +365,31 @@ impl Task<'_> {
         creep(agent, -BACK_OUT_M, 0.1)?;
         Ok(())
     }
+}
+
+/// Poses the arm before what it is to hold or push, `goal` in the frame of the base; a little off is good enough, for what
+/// follows is guided by looking.
+pub(super) fn pose_before(
+    agent: &mut Agent,
+    settings: &GraspSettings,
+    goal: Pose,
+    reach: &Reach,
+    obstacles: &[Obstacle],
+    what: &str,
+) -> Result<Tried<()>, Halt> {
+    let motion = ToolMove {
+        goal,
+        obstacles,
+        touching: &[],
+        speed_m_per_s: settings.free_speed_m_per_s,
+        posture: Some(&reach.joints),
+        give_up_after: STUCK_AFTER,
+        clearance_m: None,
+    };
+    Ok(match move_tool_around(agent, &motion, (0.05, 0.2))? {
+        ArmOutcome::Stuck { error_m, error_rad } if error_m > 0.05 || error_rad > 0.2 => {
+            Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before {what}")))
+        }
+        _ => Ok(()),
+    })
 }
