@@ -1,6 +1,8 @@
 //! The best anchor of each target. Most pairs of a large map are never weighed: the gap between their boxes tells that
 //! they cannot win.
 
+use rayon::prelude::*;
+
 /// The best anchor of a target and the score with it; ties go to the likelier anchor.
 ///
 /// `anchors` are sorted by weight, so that the search ends where no further one can win. `holds` tells how well the
@@ -28,12 +30,16 @@ pub(super) fn best_anchor(
 }
 
 /// For each target that still counts, the best anchor and its score.
+///
+/// Targets are independent, so large maps are worked on by all threads; the answer is the same for any number of them.
 pub(super) fn best_anchors(
     total: &[f32],
-    best_of: impl Fn(usize) -> (f32, Option<usize>),
+    best_of: impl Fn(usize) -> (f32, Option<usize>) + Sync,
 ) -> (Vec<f32>, Vec<Option<usize>>) {
+    /// Fewer targets than this are not worth a thread.
+    const LEAST_TARGETS: usize = 1000;
     let best = |target: usize| if total[target] < 1e-4 { (0.0, None) } else { best_of(target) };
-    (0..total.len()).map(best).unzip()
+    (0..total.len()).into_par_iter().with_min_len(LEAST_TARGETS).map(best).unzip()
 }
 
 #[cfg(test)]

@@ -333,6 +333,8 @@ fn between_scores(
         false => pairs.iter().map(|(a, b, _)| relate::Span::new(scene, *a, *b)).collect(),
     };
     best_anchors(&result.total, |target| {
+        let bounds = &scene.items[target].bounds;
+        let (center, size_m) = (bounds.center(), bounds.size());
         let mut best = (0.0, None);
         for (i, (a, b, weight)) in pairs.iter().enumerate() {
             if *weight <= best.0 {
@@ -342,7 +344,7 @@ fn between_scores(
                 continue;
             }
             let lies = match spans.get(i) {
-                Some(span) => span.as_ref().map_or(0.0, |span| span.holds(&scene.items[target].bounds)),
+                Some(span) => span.as_ref().map_or(0.0, |span| span.holds(&center, &size_m)),
                 None => likeness::between_score(scene, target, *a, *b),
             };
             if weight * lies > best.0 {

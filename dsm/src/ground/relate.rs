@@ -7,7 +7,7 @@ use super::query::RelationWord;
 use super::scene::{Scene, View};
 use crate::geometry::Aabb;
 use crate::map::RelationKind;
-use nalgebra::{Point2, Vector2};
+use nalgebra::{Point2, Point3, Vector2, Vector3};
 
 /// 1 up to `full`, 0 from `none` on, linear between.
 fn falling(value: f64, full: f64, none: f64) -> f64 {
@@ -143,6 +143,7 @@ pub(super) fn relation_score(scene: &Scene<'_>, word: RelationWord, target: usiz
 }
 
 /// The most that [`relation_score`] can be by the gaps between two boxes, when no relation is stored between the things.
+#[inline]
 pub(super) fn most(word: RelationWord, a: &Aabb, b: &Aabb) -> f32 {
     /// Wider than what rounding makes of a distance.
     const ROUNDING: f64 = 1e-9;
@@ -151,8 +152,8 @@ pub(super) fn most(word: RelationWord, a: &Aabb, b: &Aabb) -> f32 {
     let covered = gaps[0] <= 0.0 && gaps[1] <= 0.0;
     let least_m = gaps.iter().map(|gap| gap * gap).sum::<f64>().sqrt() * (1.0 - ROUNDING);
     let beside = |full_m: f64, none_m: f64| {
-        let reach = 0.25 * a.size().xy().max().max(b.size().xy().max());
-        falling(least_m, full_m + 0.3 * reach, none_m + reach)
+        let reach = 0.25 * (0..2).map(|i| (a.max[i] - a.min[i]).max(b.max[i] - b.min[i])).fold(0.0, f64::max);
+        if least_m >= none_m + reach { 0.0 } else { falling(least_m, full_m + 0.3 * reach, none_m + reach) }
     };
     let most = match word {
         RelationWord::On
@@ -224,9 +225,9 @@ impl Span {
         (length >= 0.05).then(|| Self { start, along: (end - start) / length, length, half_width, middle_z_m })
     }
 
-    /// How well a thing lies between: near the line that joins the centres, and not beyond their ends.
-    pub(super) fn holds(&self, own: &Aabb) -> f32 {
-        let (center, size) = (own.center(), own.size());
+    /// How well a thing of this centre and size lies between: near the line that joins the centres, and not beyond
+    /// their ends.
+    pub(super) fn holds(&self, center: &Point3<f64>, size: &Vector3<f64>) -> f32 {
         let offset = center.xy() - self.start;
         let inside = falling((offset.dot(&self.along) / self.length - 0.5).abs(), 0.42, 0.55);
         if inside <= 0.0 {
@@ -234,6 +235,9 @@ impl Span {
         }
         let aside = offset.perp(&self.along).abs();
         let falls = falling(aside, 0.2 * self.length + 0.5 * self.half_width, 0.5 * self.length + self.half_width);
+        if falls <= 0.0 {
+            return 0.0;
+        }
         // People name what stands beside the thing: a bottle is not between things of two rooms.
         let usual_m = 0.5 + 2.0 * size.norm();
         let close = (-(self.length - usual_m).max(0.0) / usual_m).exp();
