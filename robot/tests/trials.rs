@@ -3,11 +3,14 @@
 
 mod kinematic;
 
+use dsm::frame::{FrameId, RgbdFrame};
 use dsm_robot::conformance::{Report, Scope, check};
 use dsm_robot::drivers::Robot;
 use dsm_robot::faults::{Fault, FaultKind, FaultPart, Faulty};
+use dsm_robot::recorded::{Period, PeriodSource, RecordSink, Recording, Replayed};
 use dsm_robot::safety::Envelope;
 use kinematic::{Forgets, Kinematic, porter};
+use std::sync::mpsc::{Receiver, Sender, channel};
 
 fn world() -> Kinematic {
     let model = porter();
@@ -36,6 +39,58 @@ fn a_good_driver_passes_bare_and_within_the_envelope() {
     assert_eq!(failures(&mut Envelope::new(world(), &porter())), Vec::<&str>::new());
     let standing = check(&mut world(), &porter(), Scope::ReadingOnly);
     assert!(standing.passed && standing.findings.len() == 6);
+}
+
+/// Keeps a recording in memory.
+struct Keeper(Sender<(Vec<RgbdFrame>, Period)>, Vec<RgbdFrame>);
+
+impl RecordSink for Keeper {
+    fn frame(&mut self, frame: &RgbdFrame) {
+        self.1.push(frame.clone());
+    }
+    fn period(&mut self, period: Period) {
+        self.0.send((std::mem::take(&mut self.1), period)).unwrap();
+    }
+}
+
+/// Gives it again.
+struct Kept(Receiver<(Vec<RgbdFrame>, Period)>, Vec<RgbdFrame>);
+
+impl PeriodSource for Kept {
+    fn next_period(&mut self) -> Result<Option<Period>, String> {
+        let Ok((frames, period)) = self.0.try_recv() else { return Ok(None) };
+        self.1 = frames;
+        Ok(Some(period))
+    }
+    fn take_frame(&mut self, id: FrameId) -> Option<RgbdFrame> {
+        let place = self.1.iter().position(|frame| frame.id == id)?;
+        Some(self.1.swap_remove(place))
+    }
+}
+
+#[test]
+fn a_replayed_robot_behaves_as_the_recorded_one_bare_and_within_the_envelope() {
+    fn both<W: Robot, P: Robot>(
+        robot: Kinematic,
+        live: impl FnOnce(Recording<Kinematic>) -> W,
+        again: impl FnOnce(Replayed) -> P,
+    ) -> Report {
+        let (keep, kept) = channel();
+        let mut live = live(Recording::new(robot, &porter(), Box::new(Keeper(keep, Vec::new()))));
+        let then = check(&mut live, &porter(), Scope::Moving);
+        drop(live);
+        let (ended, ends) = channel();
+        let mut again = again(Replayed::new(&porter(), Box::new(Kept(kept, Vec::new())), ended));
+        assert_eq!(check(&mut again, &porter(), Scope::Moving), then);
+        assert_eq!(ends.try_recv().ok(), None, "all was asked as then");
+        then
+    }
+    let bare = both(world(), |robot| robot, |robot| robot);
+    let held = both(world(), |robot| Envelope::new(robot, &porter()), |robot| Envelope::new(robot, &porter()));
+    assert!(bare.passed && held.passed && bare.findings.len() == 18);
+    let mut backwards = world();
+    backwards.base.gain = [-1.0, 1.0];
+    assert!(!both(backwards, |robot| robot, |robot| robot).passed, "a defect is replayed as well");
 }
 
 #[test]

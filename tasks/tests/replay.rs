@@ -44,6 +44,22 @@ fn copy(from: &Path, to: &Path, mut change: impl FnMut(Entry) -> Option<Entry>) 
 const AT: Stamp = Stamp(4_000_000_000);
 
 #[test]
+fn a_recorded_check_of_drivers_finds_the_same_again() {
+    let bench = Bench::new();
+    let check = |more: &[&str], code| {
+        good(&bench, &[&["drivers", "check", "--freedom", "stand", "--json"], more].concat(), code)
+    };
+    let live = check(&["--scene", "scene.xml", "--record", "check.mcap"], 0);
+    assert_eq!(check(&["--recording", "check.mcap"], 0), live);
+    // Another check asks something else, which is an error and no finding.
+    let other = ["drivers", "check", "--recording", "check.mcap"];
+    let output = bench.run(&other);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("check.mcap") && said.contains("--freedom"), "{said}");
+}
+
+#[test]
 fn a_recorded_run_replays_to_the_same() {
     let bench = Bench::new();
     let path = |name: &str| bench.path().join(name);

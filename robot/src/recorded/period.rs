@@ -177,3 +177,35 @@ pub struct Period {
     /// How it ended; `None` when nobody waited any more.
     pub waited: Option<Waited>,
 }
+
+/// Equality of commands to the bit, so that one that is no number is the same as then.
+pub(super) trait SameBits {
+    fn is_same(&self, other: &Self) -> bool;
+}
+
+impl SameBits for f64 {
+    fn is_same(&self, other: &Self) -> bool {
+        self.to_bits() == other.to_bits()
+    }
+}
+
+impl SameBits for (f64, f64) {
+    fn is_same(&self, other: &Self) -> bool {
+        self.0.is_same(&other.0) && self.1.is_same(&other.1)
+    }
+}
+
+impl SameBits for Twist {
+    fn is_same(&self, other: &Self) -> bool {
+        let values = |twist: &Self| (twist.forward_m_per_s, twist.turn_rad_per_s);
+        values(self).is_same(&values(other))
+    }
+}
+
+impl SameBits for JointValues {
+    fn is_same(&self, other: &Self) -> bool {
+        self.names == other.names
+            && self.values.len() == other.values.len()
+            && self.values.iter().zip(&other.values).all(|(own, other)| own.is_same(other))
+    }
+}

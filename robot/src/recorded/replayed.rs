@@ -1,6 +1,6 @@
 //! A robot that answers from a recording.
 
-use super::period::{Exchange, JointTalk, JointValues, Period, StopCommand};
+use super::period::{Exchange, JointTalk, JointValues, Period, SameBits, StopCommand};
 use crate::drivers::{
     Base, Cameras, Clock, DriverError, EmergencyStop, Gripper, GripperState, JointGroup, JointState, Localisation,
     Robot, StampedPose, Twist,
@@ -159,7 +159,7 @@ impl Core {
     }
 
     /// The answer to command `number` of `commands`, which must be the one that was recorded.
-    fn answer_command<T: PartialEq + Debug + Clone>(
+    fn answer_command<T: SameBits + Debug + Clone>(
         &mut self,
         part: &'static str,
         pick: impl Fn(&Period) -> &[Exchange<T>],
@@ -168,7 +168,7 @@ impl Core {
     ) -> Result<T, DriverError> {
         self.check()?;
         match pick(&self.period).get(number) {
-            Some(exchange) if exchange.asked == *asked => exchange.answer.clone(),
+            Some(exchange) if exchange.asked.is_same(asked) => exchange.answer.clone(),
             Some(exchange) => {
                 let expected = format!("{:?}", exchange.asked);
                 Err(self.differ(part, expected, format!("{asked:?}")))

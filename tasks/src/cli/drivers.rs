@@ -1,19 +1,27 @@
 //! `dsm drivers check`.
 
+use super::replay::{OPEN, not_built_in};
+use super::run::{start_recording, tell_of_recording};
 use super::{Output, ResultArgs, WorldArgs};
 use crate::assemble::bare_robot;
 use crate::episode::{Episode, Start};
 use crate::error::TaskError;
+use crate::replay::{Wanted, recorded_robot};
 use crate::run::RunSpec;
 use crate::settings::Settings;
 use dsm_robot::conformance::{Report, SPACE_M, Scope, check};
 use dsm_robot::drivers::Robot;
 use dsm_robot::model::RobotModel;
 use dsm_robot::nav::{Costmap, CostmapConfig};
+use dsm_robot::recorded::{Difference, Recording, ReplayEnd};
 use dsm_robot::safety::Envelope;
 use dsm_sim::scene::SceneModel;
 use dsm_sim::world::floor_of;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The largest recording of a check, megabytes.
+const LARGEST_MB: u64 = 8192;
 
 /// Commands on drivers.
 #[derive(Debug, clap::Subcommand)]
@@ -34,6 +42,13 @@ pub struct CheckArgs {
     /// What the robot may do for it.
     #[arg(long, value_enum, default_value_t = Freedom::Move)]
     freedom: Freedom,
+    /// Record the whole check into this MCAP file, which must not exist. Needs the feature `mcap`.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Try what was recorded with --record once more, without the robot: the same behaviours must be found in the same
+    /// answers. --within and --freedom must be those of then.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["record", "scene"])]
+    recording: Option<PathBuf>,
     #[command(flatten)]
     world: WorldArgs,
     #[command(flatten)]
@@ -61,6 +76,27 @@ enum Freedom {
 /// Runs a command on drivers.
 pub(super) fn run(command: DriversCommand) -> anyhow::Result<u8> {
     let DriversCommand::Check(args) = command;
+    let report = match &args.recording {
+        Some(recording) => check_recording(recording, &args)?,
+        None => check_world(&args)?,
+    };
+    Output::new(args.result).give(&report, || describe(&report))?;
+    Ok(u8::from(!report.passed))
+}
+
+fn check_robot<R: Robot>(mut robot: R, model: &Arc<RobotModel>, args: &CheckArgs) -> Report {
+    let scope = match args.freedom {
+        Freedom::Move => Scope::Moving,
+        Freedom::Stand => Scope::ReadingOnly,
+    };
+    match args.within {
+        Around::Nothing => check(&mut robot, model, scope),
+        Around::Envelope => check(&mut Envelope::new(robot, model), model, scope),
+    }
+}
+
+/// Checks a simulated robot.
+fn check_world(args: &CheckArgs) -> anyhow::Result<Report> {
     let settings = Settings::resolve(&args.world, None, &|_| false)?;
     let mut spec = RunSpec {
         robot: settings.robot.value,
@@ -71,17 +107,31 @@ pub(super) fn run(command: DriversCommand) -> anyhow::Result<u8> {
     };
     let model = RobotModel::load(&crate::assemble::find_robot(&spec.robot)?).map_err(TaskError::from)?;
     spec.episode.start = Some(find_space(&args.scene, &model)?);
-    let (mut robot, model) = bare_robot(&spec)?;
-    let scope = match args.freedom {
-        Freedom::Move => Scope::Moving,
-        Freedom::Stand => Scope::ReadingOnly,
+    let (robot, model) = bare_robot(&spec)?;
+    let Some(file) = &args.record else { return Ok(check_robot(robot, &model, args)) };
+    let mut recorder = start_recording(file, LARGEST_MB)?;
+    recorder.begin(&spec, &model, "none")?;
+    let report = check_robot(Recording::new(robot, &model, recorder.sink()), &model, args);
+    tell_of_recording(Some(recorder.close()?))?;
+    Ok(report)
+}
+
+/// Checks a recorded robot.
+fn check_recording(file: &Path, args: &CheckArgs) -> anyhow::Result<Report> {
+    let open = OPEN.ok_or_else(|| not_built_in("--recording"))?;
+    let (robot, model, ends) = recorded_robot(open(file, Wanted::All)?)?;
+    let report = check_robot(robot, &model, args);
+    let why = match ends.try_recv() {
+        // Nothing that was asked is missing in it.
+        Err(_) => return Ok(report),
+        Ok(ReplayEnd::Over(stamp)) => format!("it ends at {:.2} s, within the check", stamp.as_s()),
+        Ok(ReplayEnd::Unreadable { stamp, reason }) => format!("from {:.2} s on: {reason}", stamp.as_s()),
+        Ok(ReplayEnd::Differs(Difference { part, stamp, expected, got })) => {
+            format!("at {:.2} s it holds another check ({part}): {expected}, not {got}", stamp.as_s())
+        }
     };
-    let report = match args.within {
-        Around::Nothing => check(robot.as_mut(), &model, scope),
-        Around::Envelope => check(&mut Envelope::new(robot, &model) as &mut dyn Robot, &model, scope),
-    };
-    Output::new(args.result).give(&report, || describe(&report))?;
-    Ok(u8::from(!report.passed))
+    let hint = "expected a recording of `dsm drivers check --record` with the same --within and --freedom";
+    Err(TaskError::Usage(format!("{}: {why}; {hint}", file.display())).into())
 }
 
 /// Where the scene is emptiest.

@@ -99,13 +99,13 @@ const CREATE: Option<Create> = Some(crate::mcap_file::create_run);
 #[cfg(not(feature = "mcap"))]
 const CREATE: Option<Create> = None;
 
-fn start_recording(file: &Path, max_mb: u64) -> Result<Recorder, TaskError> {
+pub(super) fn start_recording(file: &Path, max_mb: u64) -> Result<Recorder, TaskError> {
     let create = CREATE.ok_or_else(|| not_built_in("--record"))?;
     Ok(Recorder::start(create(file)?, max_mb << 20))
 }
 
 /// A recording that is not whole is told of; one that broke is an error, after all else is done.
-fn tell_of_recording(recorded: Option<RecordingEnd>) -> Result<(), TaskError> {
+pub(super) fn tell_of_recording(recorded: Option<RecordingEnd>) -> Result<(), TaskError> {
     match recorded {
         Some(RecordingEnd::Full { stamp }) => {
             tracing::warn!("the recording is full and ends at {:.2} s of the run", stamp.as_s());

@@ -18,7 +18,7 @@ mod report;
 mod source;
 
 pub use entry::{End, Entry, EntryFile, EntrySource, FORMAT, Head, Learnt, Noted, Wanted};
-pub(crate) use play::read_head;
+pub(crate) use play::{read_head, recorded_robot};
 pub use play::{PlayOptions, Played, Sight, play};
 pub use recorder::{Recorder, RecordingEnd};
 pub use regression::{Decision, RegressionTest, load_test, write_test};

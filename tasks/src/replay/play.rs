@@ -15,11 +15,11 @@ use crate::perception::Learned;
 use dsm::map::Map;
 use dsm::perceive::{Detector, PixelSegmenter};
 use dsm_robot::model::RobotModel;
-use dsm_robot::recorded::Replayed;
+use dsm_robot::recorded::{ReplayEnd, Replayed};
 use dsm_robot::safety::StopSwitch;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::mpsc::{Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 
 /// Who detects in a replay.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -114,6 +114,22 @@ pub fn play(
         notices,
     })?;
     Ok(Played { report, map, events })
+}
+
+/// The robot of a recording without anything around it, its model, and where it is told why it answers no further.
+pub(crate) fn recorded_robot(
+    mut source: Box<dyn EntrySource>,
+) -> Result<(Replayed, Arc<RobotModel>, Receiver<ReplayEnd>), TaskError> {
+    let head = read_head(&mut *source)?;
+    let model = Arc::new(RobotModel::load(&find_robot(&head.robot)?)?);
+    for notice in notices(&head, &model)? {
+        tracing::warn!("{notice}");
+    }
+    let (ended, ends) = channel();
+    // What was learned and decided is compared with nothing here.
+    let (expect, _) = channel();
+    let periods = Periods::new(source, expect, Arc::default());
+    Ok((Replayed::new(&model, Box::new(periods), ended), model, ends))
 }
 
 /// The first entry.

@@ -76,6 +76,12 @@ impl Recorder {
     /// Writes how the run ended and closes the file. All else that records must have been dropped.
     pub(crate) fn finish(self, account: &Account, map: &Map) -> Result<RecordingEnd, TaskError> {
         send(&self.entries, Entry::End(Box::new(End::new(account, map))));
+        self.close()
+    }
+
+    /// Closes the file of what is no run of an episode and has no end of its own. All else that records must have been
+    /// dropped.
+    pub(crate) fn close(self) -> Result<RecordingEnd, TaskError> {
         drop(self.entries);
         self.writer.join().map_err(|_| TaskError::Internal("the recording's writer panicked".into()))
     }
