@@ -18,8 +18,8 @@ mod report;
 mod source;
 
 pub use entry::{End, Entry, EntryFile, EntrySource, FORMAT, Head, Learnt, Noted, Wanted};
-pub(crate) use play::{read_head, recorded_robot};
 pub use play::{PlayOptions, Played, Sight, play};
+pub(crate) use play::{read_head, recorded_robot};
 pub use recorder::{Recorder, RecordingEnd};
 pub use regression::{Decision, RegressionTest, load_test, write_test};
 pub use report::{Differing, FirstDifference, ReplayReport};
