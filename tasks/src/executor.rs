@@ -1,5 +1,6 @@
 //! From commands to skills: parse, search, ground, act; one account per step.
 
+mod aside;
 mod every;
 mod furniture;
 mod sequence;

@@ -77,6 +77,12 @@ pub enum Unparsed {
         /// The verb.
         verb: String,
     },
+    /// What is to be done afterwards begins with no verb that is known.
+    #[error("`{found}` is no known command to go on with")]
+    UnknownSequel {
+        /// The words.
+        found: String,
+    },
     /// A place command without a place.
     #[error("`{verb}` needs a place, for example \"put the cup on the table\"")]
     NoDestination {
@@ -90,6 +96,17 @@ pub enum Unparsed {
 /// # Errors
 /// [`Unparsed`] when there is no verb or nothing to act on.
 pub fn parse_command(text: &str, knowledge: &Knowledge) -> Result<Command, Unparsed> {
+    let command = parse_clause(text, knowledge)?;
+    let tokens = tokens_of(text);
+    let sequel = tokens.iter().rposition(|word| word == "then").map(|at| &tokens[at..]);
+    match sequel.filter(|sequel| sequel.len() > 1) {
+        Some(sequel) => Err(Unparsed::UnknownSequel { found: sequel.join(" ") }),
+        None => Ok(command),
+    }
+}
+
+/// As [`parse_command`], whatever is to be done afterwards.
+pub(super) fn parse_clause(text: &str, knowledge: &Knowledge) -> Result<Command, Unparsed> {
     let tokens = tokens_of(text);
     let tokens = trim_ending(skip_openings(&tokens));
     let Some(first) = tokens.first() else { return Err(Unparsed::Empty) };
@@ -190,9 +207,15 @@ fn find_verb(tokens: &[String], counts: impl Fn(&str) -> bool) -> Option<(usize,
     })
 }
 
-/// Whether a command begins here, with a verb that is no noun as well.
+/// Whether a command begins here, with a verb that is no noun as well, unless what it acts on follows: "close to" is no
+/// command, "close it" is one.
 pub(super) fn starts_with_verb(tokens: &[String]) -> bool {
-    find_verb(skip_openings(tokens), |verb| !NOUNS_TOO.contains(&verb)).is_some()
+    /// What begins the object of a verb.
+    const OBJECTS: &[&str] = &["it", "them", "that", "this", "the", "a", "an", "its", "all", "every"];
+    let opened = skip_openings(tokens);
+    let acts = |length: usize| opened.get(length).is_some_and(|next| OBJECTS.contains(&next.as_str()));
+    let verbs = VERBS.iter().filter_map(|(verb, _)| starts_with(opened, verb).map(|length| (verb, length)));
+    verbs.into_iter().any(|(verb, length)| !NOUNS_TOO.contains(verb) || acts(length))
 }
 
 fn skip_openings(mut tokens: &[String]) -> &[String] {

@@ -1,6 +1,6 @@
 //! Sequences: several commands in one sentence.
 
-use super::command::{parse_command, starts_with_verb};
+use super::command::{parse_clause, parse_command, starts_with_verb};
 use super::words::tokens_of;
 use crate::knowledge::Knowledge;
 
@@ -37,10 +37,12 @@ pub fn split_sequence(text: &str, knowledge: &Knowledge) -> Vec<String> {
 fn find_split<'a>(tokens: &'a [String], knowledge: &Knowledge) -> Option<(&'a [String], &'a [String])> {
     let joins = |token: &String| JOINTS.contains(&token.as_str());
     let is_command = |tokens: &[String]| parse_command(&tokens.join(" "), knowledge).is_ok();
+    // It may be divided further.
+    let begins_one = |tokens: &[String]| parse_clause(&tokens.join(" "), knowledge).is_ok();
     (1..tokens.len()).filter(|at| joins(&tokens[*at])).find_map(|at| {
         let (first, after) = tokens.split_at(at);
         let after = &after[after.iter().take_while(|token| joins(token)).count()..];
-        (starts_with_verb(after) && is_command(first) && is_command(after)).then_some((first, after))
+        (starts_with_verb(after) && is_command(first) && begins_one(after)).then_some((first, after))
     })
 }
 
@@ -59,7 +61,17 @@ mod tests {
             ["put the red mug on the desk", "bring the can to the shelf", "go to the kitchen"]
         );
         assert_eq!(parts("Please take the book; afterwards drive to the bed").len(), 2);
+        assert_eq!(
+            parts("Bring the mug from the drawer, then close it"),
+            ["bring the mug from the drawer", "close it"],
+            "verbs that are nouns or adjectives as well are verbs before what they act on"
+        );
+        assert_eq!(parts("Open the top drawer and shut the door of the fridge").len(), 2);
+        let sequel = "Go to the kitchen, then whistle";
+        assert_eq!(parts(sequel), [sequel]);
+        assert!(parse_command(sequel, &knowledge).is_err(), "half a sentence is not done in silence");
         for one in [
+            "Take the mug on the table, close to the lamp",
             "Go to the lamp between the sofa and the table",
             "Go and get the mug",
             "Grasp the black and white cup",

@@ -7,6 +7,7 @@ use crate::skills::close::close;
 use crate::skills::explore::Interest;
 use crate::skills::inside::OpenDrawer;
 use crate::skills::open::open;
+use crate::skills::place::raise;
 use crate::skills::regrip::grasp_standing_on;
 use crate::skills::search::Thoroughness;
 use crate::summary::{Stage, StepOutcome};
@@ -22,6 +23,8 @@ const TAKE_OUT: &str = "take_out";
 /// So many pieces of furniture are looked into, and so much time must be left for one, to take out and to carry.
 const MOST_DRAWERS: usize = 3;
 const TIME_TO_OPEN: Span = Span(150_000_000_000);
+/// What is taken out passes so far above the front of its drawer, metres.
+const OVER_RIM_M: f64 = 0.04;
 /// The drawer of furniture whose words say nothing more.
 const DRAWER: Part = Part { kind: Some(PartKind::Drawer), place: None };
 
@@ -34,6 +37,13 @@ pub(super) struct Opened {
     part: Part,
     /// How it stands, when it is a drawer.
     drawer: Option<OpenDrawer>,
+}
+
+impl Opened {
+    /// The furniture.
+    pub(super) fn furniture(&self) -> ObjectId {
+        self.id
+    }
 }
 
 /// In what a thing lies that cannot be seen.
@@ -173,7 +183,7 @@ impl Executor {
         let Some(drawer) = drawer else {
             return fail(Stage::Planning, "only drawers are looked into yet", furniture);
         };
-        let Some(floor_m) = drawer.look(agent, &self.nav)? else {
+        let Some(heights) = drawer.look(agent, &self.nav)? else {
             return fail(Stage::Planning, "no way before the open drawer", furniture);
         };
         let Some((id, inside)) =
@@ -182,8 +192,13 @@ impl Executor {
             return fail(Stage::Mapping, &format!("no {} is seen in the drawer", command.target), furniture);
         };
         agent.note(format!("it is object {}", id.0));
-        let grasped = grasp_standing_on(agent, &self.nav, &self.grasping, id, floor_m)?;
+        let grasped = grasp_standing_on(agent, &self.nav, &self.grasping, id, heights.floor_m)?;
         let outcome = self.weigh(agent, grasped)?;
+        if let (Outcome::Done(_), Some(held)) = (&outcome, self.held.clone()) {
+            // The fold may begin with a way down or aside: over the front first.
+            let lifted_m = heights.floor_m + self.grasping.planner.lift_m;
+            raise(agent, &self.grasping, &held, (heights.rim_m + OVER_RIM_M - lifted_m).max(0.0))?;
+        }
         Ok(settled(TAKE_OUT, outcome, inside))
     }
 

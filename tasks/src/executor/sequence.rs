@@ -12,7 +12,7 @@ use crate::agent::{Agent, Halt};
 use crate::skills::Outcome;
 use crate::skills::held::carry;
 use crate::summary::{PartSummary, Stage, StepOutcome};
-use dsm::ground::{Action, Command, parse_command};
+use dsm::ground::{Action, Command, Grounding, parse_command};
 use dsm::time::Span;
 
 /// A part is begun at most so often.
@@ -45,7 +45,7 @@ impl Executor {
         Ok(account(&self.parts, grounding))
     }
 
-    fn carry_out_parts(&mut self, agent: &mut Agent, texts: &[String]) -> Result<Option<dsm::ground::Grounding>, Halt> {
+    fn carry_out_parts(&mut self, agent: &mut Agent, texts: &[String]) -> Result<Option<Grounding>, Halt> {
         let mut grounding = None;
         // The part that filled the hand, to be done again when the hand loses it.
         let mut taken: Option<Command> = None;
@@ -87,7 +87,13 @@ impl Executor {
         let mut command = command.clone();
         loop {
             let done = match self.prepare(agent, &command, taken)? {
-                Ok(()) => self.carry_out(agent, &command, 0)?,
+                Ok(aside) => {
+                    let done = self.carry_out(agent, &command, 0)?;
+                    match aside {
+                        Some(aside) => both(done, self.take_up(agent, aside)?),
+                        None => done,
+                    }
+                }
                 Err(unready) => *unready,
             };
             let left = agent.deadline() - agent.now();
@@ -106,13 +112,13 @@ impl Executor {
         }
     }
 
-    /// Checks the hand before a part, and brings about what it needs if that can be had.
+    /// Checks the hand before a part, and brings about what it needs if that can be had; what it put aside for that.
     fn prepare(
         &mut self,
         agent: &mut Agent,
         command: &Command,
         taken: &Option<Command>,
-    ) -> Result<Result<(), Box<Done>>, Halt> {
+    ) -> Result<Result<Option<Grounding>, Box<Done>>, Halt> {
         let holds = self.still_holds(agent)?;
         let refuse = |reason: &str| Ok(Err(Box::new(failed("", Stage::Hold, reason.to_owned(), None))));
         match (hand_for(command), holds) {
@@ -120,18 +126,21 @@ impl Executor {
                 let Some(taken) = taken.clone() else { return refuse("the hand holds nothing, and nothing was taken") };
                 agent.note("the hand is empty: takes it again");
                 let done = self.carry_out(agent, &taken, 0)?;
-                if done.outcome == StepOutcome::Done { Ok(Ok(())) } else { Ok(Err(Box::new(done))) }
+                if done.outcome == StepOutcome::Done { Ok(Ok(None)) } else { Ok(Err(Box::new(done))) }
+            }
+            (Hand::Empty, true) if matches!(command.action, Action::Open | Action::Close) => {
+                Ok(self.set_aside(agent)?.map(Some))
             }
             (Hand::Empty, true) => refuse("the hand is full; what it holds is to be put down first"),
             (Hand::Any, true) if command.action == Action::Navigate => {
                 // With the arm folded around what it holds.
-                let Some(held) = self.held.clone() else { return Ok(Ok(())) };
+                let Some(held) = self.held.clone() else { return Ok(Ok(None)) };
                 match carry(agent, &held, &self.grasping)? {
-                    Outcome::Done(_) => Ok(Ok(())),
+                    Outcome::Done(_) => Ok(Ok(None)),
                     Outcome::Failed(stage, reason) => Ok(Err(Box::new(failed("", stage, reason, None)))),
                 }
             }
-            _ => Ok(Ok(())),
+            _ => Ok(Ok(None)),
         }
     }
 
@@ -151,6 +160,15 @@ fn index_of_last(parts: &[PartSummary]) -> usize {
     parts.len().saturating_sub(1)
 }
 
+/// What was done, and the taking up of what had been put aside for it; done is what both did.
+fn both(done: Done, taken_up: Done) -> Done {
+    match taken_up.outcome {
+        StepOutcome::Done => done,
+        _ if done.outcome != StepOutcome::Done => done,
+        _ => Done { reason: format!("{}, but what was put aside: {}", done.reason, taken_up.reason), ..taken_up },
+    }
+}
+
 fn hand_for(command: &Command) -> Hand {
     match command.action {
         Action::Place | Action::Bring if command.target.is_empty() => Hand::Full,
@@ -160,7 +178,7 @@ fn hand_for(command: &Command) -> Hand {
 }
 
 /// What a sequence came to: all of it, or how much, and what is missing and why.
-fn account(parts: &[PartSummary], grounding: Option<dsm::ground::Grounding>) -> Done {
+fn account(parts: &[PartSummary], grounding: Option<Grounding>) -> Done {
     let done = parts.iter().filter(|part| part.outcome == StepOutcome::Done).count();
     let missing: Vec<String> = parts
         .iter()

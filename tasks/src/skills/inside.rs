@@ -36,6 +36,15 @@ pub struct OpenDrawer {
     pub half_m: f64,
 }
 
+/// Heights of an open drawer, world frame, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heights {
+    /// What its contents stand on.
+    pub floor_m: f64,
+    /// Over which they have to be lifted.
+    pub rim_m: f64,
+}
+
 impl OpenDrawer {
     /// The things of the map that lie where it shows its contents.
     pub(crate) fn contents(&self, map: &Map) -> Vec<ObjectId> {
@@ -52,14 +61,14 @@ impl OpenDrawer {
         out_m > -OFF_M && out_m < self.out_m && aside_m < self.half_m && rise_m > RISE_M.0 && rise_m < RISE_M.1
     }
 
-    /// Drives right before it and looks down into it.
-    ///
-    /// The height of its floor, as far as it is seen; `None` when there is no way there.
-    pub fn look(&self, agent: &mut Agent, nav: &NavConfig) -> Result<Option<f64>, Halt> {
+    /// Drives right before it and looks down into it; `None` when there is no way there.
+    pub fn look(&self, agent: &mut Agent, nav: &NavConfig) -> Result<Option<Heights>, Halt> {
         const LOOK: Span = Span(3_000_000_000);
         const FRAMES: usize = 5;
         /// Floors lie about so far below handles, metres.
         const FLOOR_M: f64 = -0.08;
+        /// Fronts rise about so far above handles, metres.
+        const RIM_M: f64 = 0.08;
         let normal = self.handle.normal.xy();
         let yaw_rad = (-normal.y).atan2(-normal.x);
         let front = self.handle.center + self.handle.normal * self.out_m;
@@ -76,10 +85,27 @@ impl OpenDrawer {
         agent.rest(LOOK)?;
         let base_from_points = gather(agent, "head", FRAMES)?;
         let world_from_base = agent.world_from_base()?;
-        let inside = base_from_points.iter().map(|p| world_from_base * p).filter(|p| self.shows(p));
-        let floor_m = floor_of(inside).unwrap_or(self.handle.center.z + FLOOR_M);
-        agent.note(format!("looks into the drawer, whose floor is {floor_m:.3} m high"));
-        Ok(Some(floor_m))
+        let inside: Vec<Point3<f64>> =
+            base_from_points.iter().map(|p| world_from_base * p).filter(|p| self.shows(p)).collect();
+        let floor_m = floor_of(inside.iter().copied()).unwrap_or(self.handle.center.z + FLOOR_M);
+        let rim_m = self.rim_of(&inside).unwrap_or(self.handle.center.z + RIM_M).max(floor_m);
+        agent.note(format!("looks into the drawer, whose floor is {floor_m:.3} m high and whose front {rim_m:.3} m"));
+        Ok(Some(Heights { floor_m, rim_m }))
+    }
+
+    /// How high its front rises, by points at it, metres; `None` for hardly any.
+    fn rim_of(&self, inside: &[Point3<f64>]) -> Option<f64> {
+        /// The front is no thicker, and no farther off by what localisation is off, metres.
+        const FRONT_M: f64 = 0.04;
+        const LEAST: usize = 30;
+        /// Share of the points below the rim: a few lie in the air at its edge.
+        const BELOW: f64 = 0.95;
+        let front = self.handle.center + self.handle.normal * (self.out_m - self.handle.off_m);
+        let mut heights: Vec<f64> =
+            inside.iter().filter(|p| (*p - front).dot(&self.handle.normal).abs() < FRONT_M).map(|p| p.z).collect();
+        heights.sort_by(f64::total_cmp);
+        let at = (BELOW * heights.len() as f64) as usize;
+        heights.get(at).copied().filter(|_| heights.len() >= LEAST)
     }
 
     /// What the words mean among what lies there; of several that fit the best.
@@ -129,6 +155,9 @@ mod tests {
         let front = (0..20)
             .flat_map(|i| (0..20).map(move |k| Point3::new(0.0, 0.01 * f64::from(k), 0.5 + 0.01 * f64::from(i))));
         assert!(floor_of(floor.chain(front)).is_some_and(|z| (z - 0.5).abs() < 0.006));
+        let board: Vec<Point3<f64>> = (0..200).map(|k| Point3::new(0.74, 0.0, 0.5 + 0.001 * f64::from(k))).collect();
+        assert!(drawer.rim_of(&board).is_some_and(|z| (z - 0.69).abs() < 0.002));
+        assert_eq!(drawer.rim_of(&board[..10]), None);
         assert_eq!(floor_of(std::iter::once(Point3::origin())), None);
         assert!(drawer.shows(&Point3::new(0.9, 0.2, 0.56)));
         assert!(!drawer.shows(&Point3::new(1.3, 0.2, 0.56)), "still in the furniture");

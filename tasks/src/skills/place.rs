@@ -69,7 +69,7 @@ pub fn place(
                     navigate_to_object(agent, nav, surface, None)?;
                     continue;
                 }
-                raise(agent, settings, held)?;
+                raise(agent, settings, held, ABOVE_M)?;
                 if let Outcome::Failed(stage, reason) = carry(agent, held, settings)? {
                     last = (stage, reason);
                     break;
@@ -80,8 +80,8 @@ pub fn place(
     Ok(Outcome::Failed(last.0, last.1))
 }
 
-/// Lifts the load off what it may stand among, best effort: backing off would drag it.
-fn raise(agent: &mut Agent, settings: &GraspSettings, held: &Held) -> Result<(), Halt> {
+/// Lifts the load off what it may stand among by some metres, best effort: backing off would drag it.
+pub fn raise(agent: &mut Agent, settings: &GraspSettings, held: &Held, by_m: f64) -> Result<(), Halt> {
     let world_from_base = agent.world_from_base()?;
     let obstacles = obstacles_but_held(agent, &world_from_base, held)?;
     let (model, configuration) = (agent.model().clone(), agent.configuration()?);
@@ -89,7 +89,7 @@ fn raise(agent: &mut Agent, settings: &GraspSettings, held: &Held) -> Result<(),
     let mut touching = finger_links(&model);
     touching.push(model.tool);
     let up = ToolMove {
-        goal: Translation3::new(0.0, 0.0, ABOVE_M) * base_from_tool,
+        goal: Translation3::new(0.0, 0.0, by_m) * base_from_tool,
         obstacles: &obstacles,
         touching: &touching,
         speed_m_per_s: settings.approach_speed_m_per_s,
