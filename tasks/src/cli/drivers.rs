@@ -1,10 +1,11 @@
 //! `dsm drivers check`.
 
+use super::wire::{DriversChoice, WireArgs};
 use super::{Output, ResultArgs, WorldArgs};
 use crate::assemble::bare_robot;
 use crate::episode::{Episode, Start};
 use crate::error::TaskError;
-use crate::run::RunSpec;
+use crate::run::{Drivers, RunSpec};
 use crate::settings::Settings;
 use dsm_robot::conformance::{Report, SPACE_M, Scope, check};
 use dsm_robot::drivers::Robot;
@@ -34,6 +35,11 @@ pub struct CheckArgs {
     /// What the robot may do for it.
     #[arg(long, value_enum, default_value_t = Freedom::Move)]
     freedom: Freedom,
+    /// Which drivers are tried. Over ROS 2 the scene is where the robot stands, and --scene says nothing.
+    #[arg(long, value_enum, default_value_t)]
+    drivers: DriversChoice,
+    #[command(flatten)]
+    wire: WireArgs,
     #[command(flatten)]
     world: WorldArgs,
     #[command(flatten)]
@@ -70,7 +76,10 @@ pub(super) fn run(command: DriversCommand) -> anyhow::Result<u8> {
         ..RunSpec::new("drivers", Episode::new(args.scene.clone()))
     };
     let model = RobotModel::load(&crate::assemble::find_robot(&spec.robot)?).map_err(TaskError::from)?;
-    spec.episode.start = Some(find_space(&args.scene, &model)?);
+    spec.drivers = args.wire.drivers(args.drivers, &spec.robot)?;
+    if spec.drivers == Drivers::Simulated {
+        spec.episode.start = Some(find_space(&args.scene, &model)?);
+    }
     let (mut robot, model) = bare_robot(&spec)?;
     let scope = match args.freedom {
         Freedom::Move => Scope::Moving,

@@ -8,6 +8,7 @@ mod geometry;
 mod lockstep;
 mod sensor;
 mod standard;
+mod tasks;
 mod vision;
 
 pub use control::*;
@@ -15,6 +16,7 @@ pub use geometry::*;
 pub use lockstep::*;
 pub use sensor::*;
 pub use standard::*;
+pub use tasks::*;
 pub use vision::*;
 
 /// A message with its name in ROS 2.
