@@ -9,6 +9,7 @@
 //! `lock-step`: then time stands still until all messages of a step have come.
 
 pub mod account;
+pub mod bag;
 pub mod client;
 pub mod customer;
 pub mod error;

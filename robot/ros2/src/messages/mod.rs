@@ -4,6 +4,7 @@
 //! `tests/cdr.rs` holds each against bytes made by another implementation.
 
 mod control;
+mod definitions;
 mod geometry;
 mod lockstep;
 mod sensor;
@@ -12,6 +13,7 @@ mod tasks;
 mod vision;
 
 pub use control::*;
+pub use definitions::find_definition;
 pub use geometry::*;
 pub use lockstep::*;
 pub use sensor::*;
