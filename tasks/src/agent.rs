@@ -5,7 +5,7 @@
 
 mod senses;
 
-use crate::deferred::Deferred;
+use crate::deferred::{Deferred, Waiting};
 use crate::error::TaskError;
 pub use crate::gaze::Gaze;
 use crate::gaze::View;
@@ -64,6 +64,8 @@ pub struct AgentConfig {
     pub mapping_latency: Span,
     /// A plan shows this long after it is asked for; default 0.1 s.
     pub planning_latency: Span,
+    /// What happens to results that are later than that; default: time waits for them.
+    pub waiting: Waiting,
     /// Proportional gain of the head, 1/s; default 4.
     pub head_gain_per_s: f64,
     /// What counts as an obstacle in a single frame.
@@ -76,6 +78,7 @@ impl Default for AgentConfig {
             period: Span(10_000_000),
             mapping_latency: Span(200_000_000),
             planning_latency: Span(100_000_000),
+            waiting: Waiting::default(),
             head_gain_per_s: 4.0,
             live: LiveConfig::default(),
         }
@@ -100,7 +103,7 @@ pub struct Agent {
     map: Arc<Map>,
     deadline: Stamp,
     interrupted: Arc<AtomicBool>,
-    on_tick: Box<dyn FnMut()>,
+    on_tick: Box<dyn FnMut(Stamp)>,
     on_frame: OnFrame,
     /// Cameras that are read; the head's always is.
     pub watched: Vec<String>,
@@ -153,8 +156,8 @@ pub struct Parts {
     pub deadline: Stamp,
     /// Set by Ctrl-C.
     pub interrupted: Arc<AtomicBool>,
-    /// Called once a tick, after time has passed.
-    pub on_tick: Box<dyn FnMut()>,
+    /// Called once a tick, after time has passed, with the present moment.
+    pub on_tick: Box<dyn FnMut(Stamp)>,
     /// Called with each frame, before it is learned from.
     pub on_frame: OnFrame,
 }
@@ -218,7 +221,7 @@ impl Agent {
         self.journal.note_commands(SentCommands { stamp: now, base, arm: arm.clone(), head, gripper });
         // Let time pass.
         self.robot.clock().wait_until(now + self.config.period)?;
-        (self.on_tick)();
+        (self.on_tick)(self.robot.clock().now());
         // Feel.
         let measured = Motion { base: self.robot.base().velocity()?, arm: self.robot.arm().state()?.velocities };
         self.touch.note(&Motion { base, arm }, &measured, self.config.period.as_s());
@@ -314,7 +317,7 @@ impl Agent {
 
     /// Starts `plan`; the caller goes on ticking and asks for the result.
     pub fn plan_beside<T: Send + 'static>(&mut self, plan: impl FnOnce() -> T + Send + 'static) -> Deferred<T> {
-        Deferred::start(self.now() + self.config.planning_latency, plan)
+        Deferred::start(self.now() + self.config.planning_latency, self.config.waiting, plan)
     }
 
     /// The present moment.

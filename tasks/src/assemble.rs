@@ -1,13 +1,16 @@
 //! Puts a run together: scene, robot, world, detector, judge. The only place that knows all of them.
 
+use crate::deferred::Waiting;
 use crate::engine::find_engine;
 use crate::error::TaskError;
 use crate::joint_bounds::JointBounds;
 use crate::judge::Judge;
-use crate::run::RunSpec;
+use crate::run::{Drivers, RunSpec};
+use crate::summary::Summary;
 use dsm::eval::Truth;
 use dsm::ground::{GroundConfig, Grounder};
 use dsm::knowledge::Knowledge;
+use dsm::map::Map;
 use dsm::perceive::{Detector, PixelSegmenter};
 use dsm_robot::drivers::Robot;
 use dsm_robot::faults::Faulty;
@@ -49,19 +52,93 @@ pub fn assemble(spec: &RunSpec) -> Result<Assembled, TaskError> {
 
 /// As [`assemble`]; `recorder` gets what is needed to see each image again.
 pub fn assemble_recording(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<Assembled, TaskError> {
-    assemble_watched(spec, recorder, None)
+    let Bare { robot, model, detector, judged: Judged { truth, judge }, words } = assemble_bare(spec, recorder)?;
+    let robot = enveloped(robot, &model, spec.stop.clone());
+    Ok(Assembled { robot, model, detector, truth, judge, words })
 }
 
-/// As [`assemble`]; `sink` gets all that the drivers below the limits are asked and answer.
-pub fn assemble_recorded(spec: &RunSpec, sink: Option<Box<dyn RecordSink>>) -> Result<Assembled, TaskError> {
-    assemble_watched(spec, None, sink)
+/// A robot of the simulator without its envelope, and what belongs to it.
+pub struct Bare {
+    /// The robot as it breaks in this episode.
+    pub robot: Box<dyn Robot>,
+    /// Its model.
+    pub model: Arc<RobotModel>,
+    /// The detector.
+    pub detector: Box<dyn Detector>,
+    /// Who judges.
+    pub judged: Judged,
+    /// Takes the words of the event log, for disturbances that wait for a stage of the task.
+    pub words: Sender<String>,
 }
 
-fn assemble_watched(
-    spec: &RunSpec,
-    recorder: Option<Sender<Moment>>,
+/// The judge and what it is to see.
+pub struct Judged {
+    /// Samples of the truth, for the judge alone.
+    pub truth: Receiver<Truth>,
+    /// The judge.
+    pub judge: Judge,
+}
+
+impl Judged {
+    /// Lets the judge see all samples that have come.
+    pub fn observe(&mut self) {
+        self.truth.try_iter().for_each(|sample| self.judge.observe(sample));
+    }
+}
+
+/// Hands the summary and the map at the end of a run to whoever judges elsewhere.
+pub type Tell = Box<dyn FnOnce(&Summary, &Map)>;
+
+/// What a run is made of, wherever the robot stands.
+pub struct Present {
+    /// The robot with its limits.
+    pub robot: Box<dyn Robot>,
+    /// Its model.
+    pub model: Arc<RobotModel>,
+    /// The detector.
+    pub detector: Box<dyn Detector>,
+    /// Takes the words of the event log.
+    pub words: Sender<String>,
+    /// Who judges, where the world is ours.
+    pub judged: Option<Judged>,
+    /// Whether time waits for slow work.
+    pub waiting: Waiting,
+    /// Where the world is not ours: hands the account to whoever judges.
+    pub tell: Option<Tell>,
+}
+
+/// What a run needs, behind the drivers that it asks for; `sink` gets all that the drivers below the limits are asked and
+/// answer.
+pub fn find_present(spec: &RunSpec, sink: Option<Box<dyn RecordSink>>) -> Result<Present, TaskError> {
+    match &spec.drivers {
+        Drivers::Simulated => {
+            let Bare { robot, model, detector, judged, words } = assemble_bare(spec, None)?;
+            let robot = limited(robot, &model, sink, spec.stop.clone());
+            let (judged, waiting, tell) = (Some(judged), Waiting::ForResults, None);
+            Ok(Present { robot, model, detector, words, judged, waiting, tell })
+        }
+        #[cfg(feature = "ros2")]
+        Drivers::Ros2(settings) => crate::deploy::reach(spec, settings, sink),
+        #[cfg(not(feature = "ros2"))]
+        Drivers::Ros2(_) => Err(TaskError::no_ros2("--drivers ros2")),
+    }
+}
+
+/// A robot within its limits, recorded below them if somebody records.
+pub(crate) fn limited(
+    robot: Box<dyn Robot>,
+    model: &Arc<RobotModel>,
     sink: Option<Box<dyn RecordSink>>,
-) -> Result<Assembled, TaskError> {
+    stop: StopSwitch,
+) -> Box<dyn Robot> {
+    match sink {
+        Some(sink) => enveloped(Recording::new(robot, model, sink), model, stop),
+        None => enveloped(robot, model, stop),
+    }
+}
+
+/// Loads the world of a run.
+pub fn assemble_bare(spec: &RunSpec, recorder: Option<Sender<Moment>>) -> Result<Bare, TaskError> {
     let (model, world) = load(spec, recorder)?;
     for note in summarise_notes(world.notes()) {
         tracing::warn!("{note}");
@@ -81,14 +158,10 @@ fn assemble_watched(
     let radius_m = model.settings.base.footprint_radius_m;
     let judge = Judge::new(truth, spec.episode.expectations.clone(), bounds, radius_m, hand_of(&model));
     let parts = world.into_parts();
-    let driver = with_faults(parts.robot, spec);
-    let robot = match sink {
-        Some(sink) => enveloped(Recording::new(driver, &model, sink), &model, spec.stop.clone()),
-        None => enveloped(driver, &model, spec.stop.clone()),
-    };
     let detector: Box<dyn Detector> =
         if sees_pixels_alone(spec) { Box::new(PixelSegmenter) } else { Box::new(parts.detector) };
-    Ok(Assembled { robot, model, detector, truth: parts.truth, judge, words: parts.words })
+    let (robot, judged) = (with_faults(parts.robot, spec), Judged { truth: parts.truth, judge });
+    Ok(Bare { robot, model, detector, judged, words: parts.words })
 }
 
 /// The robot as it breaks in this episode; it breaks within its envelope.
@@ -99,8 +172,16 @@ fn with_faults(robot: impl Robot + 'static, spec: &RunSpec) -> Box<dyn Robot> {
 
 /// The robot of a run without its envelope, to check its drivers.
 pub fn bare_robot(spec: &RunSpec) -> Result<(Box<dyn Robot>, Arc<RobotModel>), TaskError> {
-    let (model, world) = load(spec, None)?;
-    Ok((with_faults(world.into_parts().robot, spec), model))
+    match &spec.drivers {
+        Drivers::Simulated => {
+            let (model, world) = load(spec, None)?;
+            Ok((with_faults(world.into_parts().robot, spec), model))
+        }
+        #[cfg(feature = "ros2")]
+        Drivers::Ros2(settings) => crate::deploy::reach_bare(spec, settings),
+        #[cfg(not(feature = "ros2"))]
+        Drivers::Ros2(_) => Err(TaskError::no_ros2("--drivers ros2")),
+    }
 }
 
 /// A driver within its safety envelope. Where `robot.toml` declares latencies its frames get the pose of their own moment.
@@ -113,8 +194,11 @@ pub(crate) fn enveloped<R: Robot + 'static>(driver: R, model: &Arc<RobotModel>, 
     }
 }
 
-/// Loads and checks all inputs of a run without beginning it.
+/// Loads and checks all inputs of a run without beginning it. Where the world is not ours that is the robot's model.
 pub fn check(spec: &RunSpec) -> Result<(), TaskError> {
+    if spec.drivers != Drivers::Simulated {
+        return Ok(RobotModel::load(&find_robot(&spec.robot)?).map(drop)?);
+    }
     let (_, world) = load(spec, None)?;
     check_names(spec, &world)
 }

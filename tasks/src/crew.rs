@@ -2,6 +2,7 @@
 
 use crate::agent::{Agent, AgentConfig, OnFrame, Parts};
 use crate::assemble::knowledge;
+use crate::deferred::Waiting;
 use crate::error::TaskError;
 use crate::executor::Executor;
 use crate::language::{self, Language};
@@ -40,6 +41,8 @@ pub(crate) struct Gear {
     pub(crate) detector: Box<dyn Detector>,
     /// Who reads words, verifies candidates and describes frames.
     pub(crate) language: Arc<dyn Language>,
+    /// Whether time waits for slow work.
+    pub(crate) waiting: Waiting,
     /// Keep what the map is made of.
     pub(crate) tapes: Vec<Box<dyn Tape>>,
     /// When the run ends, simulated seconds.
@@ -47,7 +50,7 @@ pub(crate) struct Gear {
     /// Set by Ctrl-C.
     pub(crate) interrupted: Arc<AtomicBool>,
     /// Called once a tick, after time has passed.
-    pub(crate) on_tick: Box<dyn FnMut()>,
+    pub(crate) on_tick: Box<dyn FnMut(Stamp)>,
     /// Called with each frame, before it is learned from.
     pub(crate) on_frame: OnFrame,
 }
@@ -55,13 +58,15 @@ pub(crate) struct Gear {
 impl Crew {
     /// Puts a crew together, with an empty map.
     pub(crate) fn new(gear: Gear) -> Result<Self, TaskError> {
-        let Gear { robot, model, detector, language, tapes, time_limit_s, interrupted, on_tick, on_frame } = gear;
+        let Gear { robot, model, detector, language, waiting, tapes, time_limit_s, interrupted, on_tick, on_frame } =
+            gear;
         let knowledge = knowledge()?;
-        let config = AgentConfig::default();
+        let config = AgentConfig { waiting, ..AgentConfig::default() };
         let map = Map::new(CELL_M);
         let builder = MapBuilder::new(BuildConfig::default(), knowledge.clone());
         let (annotator, latency) = (language.annotator(), config.mapping_latency);
-        let perception = Perception::start_annotated(detector, builder, annotator, map.clone(), tapes, latency);
+        let perception =
+            Perception::start_annotated(detector, builder, annotator, map.clone(), tapes, latency).waiting(waiting);
         let grounder = Arc::new(language::grounder(&*language, GroundConfig::default())?);
         let nav = nav_config(&model);
         let grasping = GraspSettings::for_robot(&model);

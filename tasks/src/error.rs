@@ -64,6 +64,10 @@ pub enum TaskError {
         /// How to get it.
         hint: String,
     },
+    /// There is no robot behind ROS 2.
+    #[cfg(feature = "ros2")]
+    #[error(transparent)]
+    Ros2(#[from] dsm_ros2::error::Ros2Error),
     /// A driver failed.
     #[error(transparent)]
     Driver(#[from] DriverError),
@@ -87,6 +91,12 @@ fn shortened(known: &[String]) -> String {
 }
 
 impl TaskError {
+    /// What is missing without ROS 2.
+    #[cfg(not(feature = "ros2"))]
+    pub(crate) fn no_ros2(feature: &str) -> Self {
+        Self::NotBuiltIn { feature: feature.into(), hint: "build with `--features ros2`".into() }
+    }
+
     /// The process exit code: 2 for bad input, 3 for a safety stop or an internal error.
     pub fn exit_code(&self) -> u8 {
         match self {

@@ -16,6 +16,8 @@ pub mod calibrate;
 pub mod cli;
 mod crew;
 pub mod deferred;
+#[cfg(feature = "ros2")]
+pub mod deploy;
 pub mod engine;
 pub mod episode;
 pub mod episode_generator;
@@ -50,4 +52,5 @@ pub mod skills;
 pub mod summary;
 pub mod survey;
 pub mod touch;
+mod verdict;
 pub mod ways;

@@ -18,10 +18,14 @@
 //! | `/margins` | `dsm.Margins` | clearance, speed, and how the arm's controller stands; ten times a second |
 //! | `/log` | `foxglove.Log` | events |
 
+#[cfg(feature = "ros2")]
+mod bag_file;
 mod image;
 mod read;
 mod run_file;
 
+#[cfg(feature = "ros2")]
+pub use bag_file::write_bag;
 pub use read::open_run;
 pub use run_file::create_run;
 

@@ -3,6 +3,7 @@
 //! One worker owns detector, builder and map. A frame goes in; its map comes out at the frame's stamp plus a declared
 //! latency, whatever the machine's speed, so that a run does not depend on wall time.
 
+use crate::deferred::Waiting;
 use crate::error::TaskError;
 use crate::mapping::{Mapping, Updates};
 use dsm::build::{Carrier, MapBuilder};
@@ -13,8 +14,11 @@ use dsm::store::{MapLog, StoreError};
 use dsm::time::{Span, Stamp};
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
+
+/// Where nothing waits for the worker, no more frames than this are on their way through it.
+const MOST_UNDER_WAY: usize = 3;
 
 struct Job {
     frame: Arc<RgbdFrame>,
@@ -74,6 +78,7 @@ pub struct Perception {
     results: Receiver<Result<Learned, StoreError>>,
     under_way: VecDeque<Stamp>,
     latency: Span,
+    waiting: Waiting,
     worker: Option<JoinHandle<Result<(), StoreError>>>,
 }
 
@@ -103,11 +108,28 @@ impl Perception {
         let updates = if tapes.is_empty() { Updates::Dropped } else { Updates::Kept };
         let mapping = Mapping::new(builder, annotator, map, updates);
         let worker = std::thread::spawn(move || work(detector, mapping, tapes, &inbox, &outbox));
-        Self { jobs: Some(jobs), results, under_way: VecDeque::new(), latency, worker: Some(worker) }
+        Self {
+            jobs: Some(jobs),
+            results,
+            under_way: VecDeque::new(),
+            latency,
+            waiting: Waiting::default(),
+            worker: Some(worker),
+        }
+    }
+
+    /// Says what happens when a result is late; by default time waits for it. Where nothing waits, frames that come while
+    /// several are under way are not learned from.
+    pub fn waiting(mut self, waiting: Waiting) -> Self {
+        self.waiting = waiting;
+        self
     }
 
     /// Hands a frame to the worker. `carrier` says where the robot itself was.
     pub fn submit(&mut self, frame: Arc<RgbdFrame>, carrier: Carrier) -> Result<(), TaskError> {
+        if self.waiting == Waiting::Never && self.under_way.len() >= MOST_UNDER_WAY {
+            return Ok(());
+        }
         self.under_way.push_back(frame.stamp + self.latency);
         let sent = self.jobs.as_ref().is_some_and(|jobs| jobs.send(Job { frame, carrier }).is_ok());
         if sent { Ok(()) } else { Err(TaskError::Internal("the mapping worker ended".into())) }
@@ -118,8 +140,15 @@ impl Perception {
         if self.under_way.front().is_none_or(|&ready| ready > now) {
             return Ok(None);
         }
+        let result = match self.waiting {
+            Waiting::ForResults => self.results.recv().map_err(|_| TryRecvError::Disconnected),
+            Waiting::Never => self.results.try_recv(),
+        };
+        if matches!(result, Err(TryRecvError::Empty)) {
+            return Ok(None);
+        }
         self.under_way.pop_front();
-        match self.results.recv() {
+        match result {
             Ok(learned) => Ok(Some(learned?)),
             Err(_) => Err(TaskError::Internal("the mapping worker ended".into())),
         }

@@ -9,6 +9,7 @@ use crate::replay::RecordingEnd;
 use crate::session::{Keep, Session};
 use crate::summary::Summary;
 use dsm::map::Map;
+use dsm_robot::model::ros2::Ros2Settings;
 use dsm_robot::safety::StopSwitch;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,6 +17,26 @@ use std::sync::atomic::AtomicBool;
 
 /// Side of a free-space cell, metres.
 pub(crate) const CELL_M: f64 = 0.05;
+
+/// Behind which drivers the robot stands.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Drivers {
+    /// The simulator's, in this process.
+    #[default]
+    Simulated,
+    /// A robot that speaks ROS 2.
+    Ros2(Box<Ros2Settings>),
+}
+
+impl Drivers {
+    /// In one word.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Simulated => "simulated",
+            Self::Ros2(_) => "ros2",
+        }
+    }
+}
 
 /// All that decides a run.
 #[derive(Clone, Debug)]
@@ -36,6 +57,8 @@ pub struct RunSpec {
     pub perception: String,
     /// Backend of language.
     pub language: Arc<dyn Language>,
+    /// Where the robot stands.
+    pub drivers: Drivers,
     /// Seed.
     pub seed: u64,
     /// Simulated time limit, seconds.
@@ -58,6 +81,7 @@ impl RunSpec {
             physics: "rapier".into(),
             perception: "noisy".into(),
             language: embedded(),
+            drivers: Drivers::Simulated,
             seed: episode.seed,
             time_limit_s: episode.time_limit_s,
             permute_labels: false,

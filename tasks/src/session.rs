@@ -17,9 +17,9 @@
 //! ```
 
 use crate::agent::{Agent, Halt};
-use crate::assemble::{Assembled, assemble_recorded};
+use crate::assemble::{Judged, Present, Tell, find_present};
 use crate::crew::{Crew, Gear, settle};
-use crate::episode::{Expectation, ExpectationKind, Step};
+use crate::episode::Step;
 use crate::error::TaskError;
 use crate::executor::{Account, Executor, reason_of, words_of};
 use crate::journal::Moment;
@@ -28,8 +28,10 @@ use crate::perception::Tape;
 use crate::replay::Recorder;
 use crate::run::{CELL_M, Finished, Progress, RunSpec};
 use crate::skills::Outcome;
-use crate::summary::{Failure, MapSummary, SUMMARY_SCHEMA, Stage, StepOutcome, StepSummary, Summary};
+use crate::summary::{Failure, StepOutcome, StepSummary};
+use crate::verdict::{Told, believed, judged};
 use dsm::store::MapLog;
+use dsm::time::Stamp;
 use dsm_robot::model::RobotModel;
 use dsm_robot::nav::NavConfig;
 use std::cell::RefCell;
@@ -45,7 +47,10 @@ pub struct Session {
     executor: Executor,
     /// The robot with its senses and its map.
     agent: Agent,
-    judge: Rc<RefCell<Judge>>,
+    /// Who judges; nobody where the world is none of ours.
+    judge: Option<Rc<RefCell<Judge>>>,
+    /// Hands the account to whoever judges elsewhere.
+    tell: Option<Tell>,
     recorder: Option<Recorder>,
     account: Account,
 }
@@ -92,7 +97,7 @@ impl Session {
     ) -> Result<Self, TaskError> {
         let Keep { mut tapes, mut recorder } = keep;
         let sink = recorder.as_ref().map(Recorder::sink);
-        let Assembled { robot, model, detector, truth, judge, words } = assemble_recorded(spec, sink)?;
+        let Present { robot, model, detector, words, judged, waiting, tell } = find_present(spec, sink)?;
         let is_taped = !tapes.is_empty();
         let witness = match &mut recorder {
             Some(recorder) => {
@@ -106,25 +111,33 @@ impl Session {
         if let Some(path) = map_file {
             tapes.push(Box::new(MapLog::create(path, CELL_M)?));
         }
-        let judge = Rc::new(RefCell::new(judge));
         let progress = Rc::new(RefCell::new(progress));
-        let (watcher, listener) = (judge.clone(), progress.clone());
-        let on_tick = Box::new(move || {
-            for sample in truth.try_iter() {
-                listener.borrow_mut().at(sample.stamp.as_s());
-                watcher.borrow_mut().observe(sample);
+        let listener = progress.clone();
+        let (judge, on_tick): (_, Box<dyn FnMut(Stamp)>) = match judged {
+            Some(Judged { truth, judge }) => {
+                let judge = Rc::new(RefCell::new(judge));
+                let watcher = judge.clone();
+                let watch = move |_| {
+                    for sample in truth.try_iter() {
+                        listener.borrow_mut().at(sample.stamp.as_s());
+                        watcher.borrow_mut().observe(sample);
+                    }
+                };
+                (Some(judge), Box::new(watch))
             }
-        });
+            None => (None, Box::new(move |now: Stamp| listener.borrow_mut().at(now.as_s()))),
+        };
         let on_frame = Box::new(move |moment: &Moment<'_>| progress.borrow_mut().sees(moment));
         let time_limit_s = spec.time_limit_s;
         let language = spec.language.clone();
-        let gear = Gear { robot, model, detector, language, tapes, time_limit_s, interrupted, on_tick, on_frame };
+        let gear =
+            Gear { robot, model, detector, language, waiting, tapes, time_limit_s, interrupted, on_tick, on_frame };
         let Crew { mut agent, executor, nav } = Crew::new(gear)?;
         agent.journal.commands = is_taped.then(Vec::new);
         agent.journal.told = Some(words);
         agent.journal.witness = witness;
         let account = Account { steps: Vec::new(), failure: None, halt: None };
-        Ok(Self { spec: spec.clone(), executor, nav, agent, judge, recorder, account })
+        Ok(Self { spec: spec.clone(), executor, nav, agent, judge, tell, recorder, account })
     }
 
     /// How the robot may drive, for skills.
@@ -150,6 +163,11 @@ impl Session {
         self.account.failure = account.failure.map(|failure| Failure { step: failure.step + before, ..failure });
         self.account.halt = account.halt;
         &self.account.steps[before..]
+    }
+
+    /// Forgets that a step failed: what comes next is begun all the same. The accounts stay.
+    pub fn forgive(&mut self) {
+        (self.account.failure, self.account.halt) = (None, None);
     }
 
     /// Runs a skill of one's own as one step, and accounts for it under `words` and the skill's name.
@@ -206,45 +224,14 @@ impl Session {
         if let Some(Halt::Failed(error)) = account.halt {
             return Err(error);
         }
-        let judge = self.judge.borrow();
-        let expectations = judge.judge(&account.steps, &map);
-        let failed = expectations.iter().position(|e| !e.passed);
-        let failure =
-            account.failure.or_else(|| find_refusal(&spec.episode.expectations, &account.steps)).or_else(|| {
-                failed.map(|index| {
-                    let e = &expectations[index];
-                    let (stage, why) = judge.find_blamed_stage(&account.steps, &map, index);
-                    let why = why.map_or_else(String::new, |why| format!("; {why}"));
-                    Failure {
-                        step: account.steps.len().saturating_sub(1),
-                        stage,
-                        reason: format!("{}: {}; required: {}{why}", e.kind, e.measured, e.required),
-                    }
-                })
-            });
-        let success = failure.is_none();
-        let mut steps = account.steps;
-        judge.measure_steps(&mut steps, success);
-        let summary = Summary {
-            schema: SUMMARY_SCHEMA,
-            episode: spec.name.clone(),
-            scene: judge.scene().to_owned(),
-            robot,
-            physics: spec.physics.clone(),
-            perception: spec.perception.clone(),
-            seed: spec.seed,
-            success,
-            failure,
-            metrics: judge.metrics(&steps, success),
-            steps,
-            expectations,
-            map: MapSummary {
-                objects: map.stable_objects().count(),
-                relations: map.relations.len(),
-                rooms: map.rooms.len(),
-            },
-            truth: judge.truth(),
+        let told = Told { steps: account.steps, failure: account.failure, map: &map };
+        let summary = match &self.judge {
+            Some(judge) => judged(&spec, robot, &judge.borrow(), told),
+            None => believed(&spec, robot, told, &journal),
         };
+        if let Some(tell) = self.tell {
+            tell(&summary, &map);
+        }
         Ok(Finished { summary, map, journal, recorded })
     }
 
@@ -252,16 +239,6 @@ impl Session {
         let start_s = self.agent.now().as_s();
         self.account.steps.push(StepSummary::skipped(self.account.steps.len(), words.into(), start_s));
     }
-}
-
-/// A refusal that nobody expected: the words found nothing, or several things.
-fn find_refusal(expectations: &[Expectation], steps: &[StepSummary]) -> Option<Failure> {
-    if expectations.iter().any(|e| e.kind == ExpectationKind::Refused) {
-        return None;
-    }
-    let refused = steps.iter().find(|s| matches!(s.outcome, StepOutcome::Absent | StepOutcome::Ambiguous))?;
-    let word = if refused.outcome == StepOutcome::Absent { "absent" } else { "ambiguous" };
-    Some(Failure { step: refused.index, stage: Stage::Grounding, reason: format!("{word}: {}", refused.reason) })
 }
 
 /// Navigation within what the robot can do.
@@ -281,27 +258,4 @@ pub(crate) fn nav_config(model: &RobotModel) -> NavConfig {
     nav.follower.max_acceleration_m_per_s2 = SHARE * base.max_acceleration_m_per_s2;
     nav.follower.max_turn_acceleration_rad_per_s2 = SHARE * base.max_turn_acceleration_rad_per_s2;
     nav
-}
-
-#[cfg(test)]
-mod tests {
-    //! Contract: a refusal is a failure in grounding, unless the episode expects it.
-    use super::*;
-
-    #[test]
-    fn only_an_expected_refusal_is_a_success() {
-        let step = StepSummary {
-            skill: "grasp".into(),
-            outcome: StepOutcome::Absent,
-            reason: "nothing is named so".into(),
-            duration_s: 1.0,
-            ..StepSummary::skipped(0, "Grasp the unicorn".into(), 0.0)
-        };
-        let failure = find_refusal(&[], std::slice::from_ref(&step)).unwrap();
-        assert_eq!((failure.step, failure.stage), (0, Stage::Grounding));
-        let expected: Expectation = toml::from_str("kind = \"refused\"").unwrap();
-        assert_eq!(find_refusal(&[expected], std::slice::from_ref(&step)), None);
-        let done = StepSummary { outcome: StepOutcome::Done, ..step };
-        assert_eq!(find_refusal(&[], &[done]), None);
-    }
 }

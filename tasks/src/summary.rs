@@ -177,7 +177,7 @@ pub struct ExpectationSummary {
 }
 
 /// Measured from ground truth.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Metrics {
     /// Simulated time, seconds.
     pub sim_time_s: f64,

@@ -47,7 +47,7 @@ pub fn drive(spec: &RunSpec, interrupted: Arc<AtomicBool>) -> Result<Vec<Moment>
     // Nobody judges this run.
     drop(truth);
     let deadline = Stamp::from_s(spec.time_limit_s);
-    let on_tick = Box::new(|| {});
+    let on_tick = Box::new(|_| {});
     let parts = Parts {
         robot,
         model: model.clone(),

@@ -16,7 +16,7 @@ const CRATES: [(&str, &str, &[&str]); 8] = [
     ("robot/ros2", "dsm-ros2", &["dsm", "dsm-robot"]),
     ("sim", "dsm-sim", &["dsm", "dsm-robot"]),
     ("sim/mujoco", "dsm-sim-mujoco", &["dsm", "dsm-robot", "dsm-sim"]),
-    ("tasks", "dsm-tasks", &["dsm", "dsm-models", "dsm-robot", "dsm-sim", "dsm-sim-mujoco"]),
+    ("tasks", "dsm-tasks", &["dsm", "dsm-models", "dsm-robot", "dsm-ros2", "dsm-sim", "dsm-sim-mujoco"]),
     ("tests", "scenarios", &["dsm", "dsm-robot", "dsm-sim", "dsm-tasks"]),
 ];
 
@@ -144,7 +144,7 @@ fn logic_has_no_wall_clock_no_sleep_and_no_random_order() {
             || path.contains("/examples/")
             || path.contains("/benches/")
             || wall(path)
-            || path == "robot/ros2/src/client/clock.rs"
+            || path == "robot/ros2/src/wall.rs"
     };
     let clock = ["Instant::now", "SystemTime::now", "std::time::Instant", "std::time::SystemTime"];
     assert_none(find(&sources, &clock, edge), "wall time only at the edge");

@@ -7,9 +7,14 @@ use crate::messages::RosMessage;
 use futures::channel::oneshot;
 use futures::future::{Either, LocalBoxFuture, join_all, select};
 use futures::{FutureExt, StreamExt};
+use ros2_client::action::{ActionClientQosPolicies, ActionServerQosPolicies};
 use ros2_client::dds::rustdds::Topic;
 use ros2_client::qos::{Durability, History, WhenFull};
-use ros2_client::{Context, ContextOptions, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile};
+use ros2_client::{
+    ActionClient, ActionServer, ActionTypeName, AsyncActionServer, Context, ContextOptions, Message, MessageTypeName,
+    Name, Node, NodeName, NodeOptions, Publisher, QosProfile, ServiceMapping, ServiceTypeName,
+};
+use std::future::Future;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -32,7 +37,7 @@ pub enum Delivery {
 }
 
 impl Delivery {
-    fn profile(self) -> QosProfile {
+    pub(crate) fn profile(self) -> QosProfile {
         let profile = QosProfile::publisher_default().durability(Durability::Volatile);
         match self {
             Self::Reliable { depth } => {
@@ -58,6 +63,7 @@ pub struct LinkBuilder<I> {
     inbox: Receiver<(usize, I)>,
     readers: Vec<Reader>,
     heard: Vec<String>,
+    heard_aside: Vec<String>,
     spoken: Vec<String>,
 }
 
@@ -73,7 +79,16 @@ impl<I: Send + 'static> LinkBuilder<I> {
         let name = NodeName::new("/", name).map_err(|error| failed(format!("{error:?}")))?;
         let node = context.new_node(name, NodeOptions::new()).map_err(|error| failed(format!("{error:?}")))?;
         let (outbox, inbox) = channel();
-        Ok(Self { node, domain, outbox, inbox, readers: Vec::new(), heard: Vec::new(), spoken: Vec::new() })
+        Ok(Self {
+            node,
+            domain,
+            outbox,
+            inbox,
+            readers: Vec::new(),
+            heard: Vec::new(),
+            heard_aside: Vec::new(),
+            spoken: Vec::new(),
+        })
     }
 
     fn topic<M: RosMessage>(&mut self, name: &str, delivery: Delivery) -> Result<Topic, Ros2Error> {
@@ -123,12 +138,139 @@ impl<I: Send + 'static> LinkBuilder<I> {
     /// # Errors
     /// [`Ros2Error::Setup`].
     pub fn speak<M: RosMessage>(&mut self, name: &str, delivery: Delivery) -> Result<Speaker<M>, Ros2Error> {
+        let speaker = self.speak_aside(name, delivery)?;
+        self.spoken.push(name.to_owned());
+        Ok(speaker)
+    }
+
+    /// Publishes on a topic that nobody need hear.
+    ///
+    /// # Errors
+    /// [`Ros2Error::Setup`].
+    pub fn speak_aside<M: RosMessage>(&mut self, name: &str, delivery: Delivery) -> Result<Speaker<M>, Ros2Error> {
         let topic = self.topic::<M>(name, delivery)?;
         let publisher = self.node.create_publisher::<M>(&topic, None);
         let publisher = publisher
             .map_err(|error| Ros2Error::Setup { what: format!("topic `{name}`"), reason: format!("{error:?}") })?;
-        self.spoken.push(name.to_owned());
         Ok(Speaker { topic: name.to_owned(), publisher, sent: 0 })
+    }
+
+    /// Answers a service; `answer` is called for one request after the other.
+    ///
+    /// # Errors
+    /// [`Ros2Error::Setup`].
+    pub fn answer<Q: Message + Clone + Send + 'static, A: Message + Clone + Send + 'static>(
+        &mut self,
+        name: &str,
+        package: &str,
+        kind: &str,
+        mut answer: impl FnMut(Q) -> A + Send + 'static,
+    ) -> Result<(), Ros2Error> {
+        let failed = |reason: String| Ros2Error::Setup { what: format!("service `{name}`"), reason };
+        let parsed = Name::parse(name).map_err(|error| failed(format!("{error:?}")))?;
+        let (kind, qos) = (ServiceTypeName::new(package, kind), Delivery::Reliable { depth: 8 }.profile());
+        let server = self.node.create_server::<Q, A>(ServiceMapping::Enhanced, &parsed, &kind, qos.clone(), qos);
+        let server = server.map_err(|error| failed(format!("{error:?}")))?;
+        let name = name.to_owned();
+        self.readers.push(Box::new(move || {
+            async move {
+                loop {
+                    match server.async_receive_request().await {
+                        Ok((id, asked)) => {
+                            if let Err(error) = server.async_send_response(id, answer(asked)).await {
+                                tracing::warn!("{name}: {}", shortened(&format!("{error:?}")));
+                            }
+                        }
+                        Err(error) => tracing::warn!("{name}: a request that is none: {error:?}"),
+                    }
+                }
+            }
+            .boxed_local()
+        }));
+        Ok(())
+    }
+
+    /// Offers an action whose requests are looked for by whoever offers it.
+    ///
+    /// # Errors
+    /// [`Ros2Error::Setup`].
+    pub fn offer<G, R, F>(&mut self, name: &str, package: &str, kind: &str) -> Result<ActionServer<G, R, F>, Ros2Error>
+    where
+        G: Message + Clone + 'static,
+        R: Message + Clone + 'static,
+        F: Message + 'static,
+    {
+        let failed = |reason: String| Ros2Error::Setup { what: format!("action `{name}`"), reason };
+        let parsed = Name::parse(name).map_err(|error| failed(format!("{error:?}")))?;
+        let service = Delivery::Reliable { depth: 8 }.profile();
+        let policies = ActionServerQosPolicies {
+            goal_service: service.clone(),
+            result_service: service.clone(),
+            cancel_service: service.clone(),
+            feedback_publisher: service,
+            status_publisher: Delivery::Kept.profile(),
+        };
+        let kind = ActionTypeName::new(package, kind);
+        let server = self.node.create_action_server::<G, R, F>(ServiceMapping::Enhanced, &parsed, &kind, policies);
+        server.map_err(|error| failed(format!("{error:?}")))
+    }
+
+    /// Asks for an action.
+    ///
+    /// # Errors
+    /// [`Ros2Error::Setup`].
+    pub fn request<G, R, F>(
+        &mut self,
+        name: &str,
+        package: &str,
+        kind: &str,
+    ) -> Result<ActionClient<G, R, F>, Ros2Error>
+    where
+        G: Message + Clone + 'static,
+        R: Message + Clone + 'static,
+        F: Message + 'static,
+    {
+        let failed = |reason: String| Ros2Error::Setup { what: format!("action `{name}`"), reason };
+        let parsed = Name::parse(name).map_err(|error| failed(format!("{error:?}")))?;
+        let service = Delivery::Reliable { depth: 8 }.profile();
+        let policies = ActionClientQosPolicies {
+            goal_service: service.clone(),
+            result_service: service.clone(),
+            cancel_service: service.clone(),
+            feedback_subscription: service,
+            status_subscription: Delivery::Kept.profile(),
+        };
+        let kind = ActionTypeName::new(package, kind);
+        // Who offers an action says how its goals are.
+        self.heard_aside.push(format!("{name}/_action/status"));
+        let client = self.node.create_action_client::<G, R, F>(ServiceMapping::Enhanced, &parsed, &kind, policies);
+        client.map_err(|error| failed(format!("{error:?}")))
+    }
+
+    /// Offers an action; `work` drives it for as long as the link lasts.
+    ///
+    /// # Errors
+    /// [`Ros2Error::Setup`].
+    pub fn act<G, R, F, W>(
+        &mut self,
+        name: &str,
+        package: &str,
+        kind: &str,
+        work: impl FnOnce(AsyncActionServer<G, R, F>) -> W + Send + 'static,
+    ) -> Result<(), Ros2Error>
+    where
+        G: Message + Clone + Send + 'static,
+        R: Message + Clone + Send + 'static,
+        F: Message + Send + 'static,
+        W: Future<Output = ()> + 'static,
+    {
+        let server = AsyncActionServer::new(self.offer(name, package, kind)?);
+        self.readers.push(Box::new(move || work(server).boxed_local()));
+        Ok(())
+    }
+
+    pub(crate) fn node_mut(&mut self) -> &mut Node {
+        &mut self.node
     }
 
     /// Starts discovery and reading.
@@ -160,6 +302,7 @@ impl<I: Send + 'static> LinkBuilder<I> {
             _open: self.outbox,
             taken: vec![0; self.heard.len()],
             heard: self.heard,
+            heard_aside: self.heard_aside,
             spoken: self.spoken,
             stop: Some(stop),
             threads: vec![read, spin],
@@ -212,6 +355,8 @@ pub struct Link<I> {
     /// Keeps the inbox open: without a listener waiting must last as well.
     _open: Sender<(usize, I)>,
     heard: Vec<String>,
+    /// Topics that somebody must publish, though they are not taken in here.
+    heard_aside: Vec<String>,
     /// Messages taken in, by listener.
     taken: Vec<u64>,
     spoken: Vec<String>,
@@ -251,8 +396,17 @@ impl<I> Link<I> {
     /// The topics that nobody else has joined yet: nobody publishes what is heard, nobody hears what is published.
     pub fn find_lonely(&self) -> Vec<String> {
         let unheard = self.spoken.iter().filter(|topic| self.node.subscription_count(topic) == 0);
-        let unspoken = self.heard.iter().filter(|topic| self.node.publisher_count(topic) == 0);
+        let unspoken = self.heard.iter().chain(&self.heard_aside).filter(|topic| self.node.publisher_count(topic) == 0);
         unheard.chain(unspoken).cloned().collect()
+    }
+
+    /// Whether anybody hears what a speaker says.
+    pub fn is_heard<M: RosMessage>(&self, speaker: &Speaker<M>) -> bool {
+        self.node.subscription_count(&speaker.topic) > 0
+    }
+
+    pub(crate) fn node(&self) -> &Node {
+        &self.node
     }
 
     /// The DDS domain.

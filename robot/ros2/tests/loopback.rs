@@ -16,9 +16,9 @@ use dsm_robot::drivers::{
 };
 use dsm_robot::joints::{JointPositions, JointVelocities};
 use dsm_robot::model::{Group, RobotModel};
-use dsm_ros2::client::connect;
+use dsm_ros2::client::{Connection, connect};
 use dsm_ros2::error::Ros2Error;
-use dsm_ros2::server::Server;
+use dsm_ros2::server::{Host, Server, Weather};
 use dsm_ros2::settings::{ClockSource, Ros2Settings};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
@@ -236,6 +236,21 @@ impl Detector for CornerDetector {
     }
 }
 
+/// Serves until it is told that it is over, and keeps the lines of the log.
+struct Listener {
+    over: Arc<AtomicBool>,
+    lines: Vec<String>,
+}
+
+impl Host for Listener {
+    fn goes_on(&mut self, _: Stamp, _: Option<std::time::Duration>) -> bool {
+        !self.over.load(Ordering::Relaxed)
+    }
+    fn hear(&mut self, line: String) {
+        self.lines.push(line);
+    }
+}
+
 fn model() -> Arc<RobotModel> {
     Arc::new(RobotModel::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/porter")).unwrap())
 }
@@ -285,7 +300,7 @@ fn drive(robot: &mut dyn Robot, model: &RobotModel) -> Trace {
         trace.widths.push(robot.gripper().state().unwrap().width_m);
         for camera in robot.cameras().names() {
             if let Some(frame) = robot.cameras().read(&camera).unwrap() {
-                trace.frames.push(RgbdFrame { id: FrameId(0), ..frame });
+                trace.frames.push(frame);
             }
         }
     }
@@ -314,12 +329,13 @@ fn a_robot_is_the_same_over_the_wire() {
     let (served, ended) = (model.clone(), over.clone());
     let server = std::thread::spawn(move || {
         let mut robot = Puppet::new(&served);
-        let mut server = Server::start(served, settings(71)).unwrap();
-        server.serve_steps(&mut robot, &mut CornerDetector, &mut |_| ended.load(Ordering::Relaxed)).unwrap();
-        robot.stop.0
+        let mut server = Server::start(served, settings(71), Weather::default()).unwrap();
+        let mut host = Listener { over: ended, lines: Vec::new() };
+        server.serve_steps(&mut robot, &mut CornerDetector, &mut host).unwrap();
+        (robot.stop.0, host.lines)
     });
     let connected = connect(model.clone(), settings(71));
-    let (mut robot, detections) = match connected {
+    let Connection { mut robot, detections, log } = match connected {
         Ok(connected) => connected,
         Err(error) => {
             over.store(true, Ordering::Relaxed);
@@ -327,6 +343,7 @@ fn a_robot_is_the_same_over_the_wire() {
             return skip_without_multicast(&error);
         }
     };
+    log.send("step 0: drive about".into()).unwrap();
     let found = drive(&mut robot, &model);
     assert_eq!(found.poses, expected.poses);
     assert_eq!(found.twists, expected.twists);
@@ -339,7 +356,7 @@ fn a_robot_is_the_same_over_the_wire() {
     let seen: Vec<Detections> = detections.unwrap().try_iter().collect();
     assert_eq!(seen.len(), expected.frames.len());
     for (seen, frame) in seen.iter().zip(&expected.frames) {
-        assert_eq!(seen.items, CornerDetector.detect(frame).items);
+        assert_eq!(*seen, CornerDetector.detect(frame));
     }
     robot.emergency_stop().trigger("a hand in the way").unwrap();
     robot.emergency_stop().trigger("another reason").unwrap();
@@ -348,7 +365,9 @@ fn a_robot_is_the_same_over_the_wire() {
     let refused = robot.base().command(Twist::default());
     assert_eq!(refused, Err(DriverError::Stopped { reason: "a hand in the way".into() }));
     over.store(true, Ordering::Relaxed);
-    assert_eq!(server.join().unwrap().as_deref(), Some("a hand in the way"));
+    let (stopped, lines) = server.join().unwrap();
+    assert_eq!(stopped.as_deref(), Some("a hand in the way"));
+    assert_eq!(lines, ["step 0: drive about"]);
 }
 
 #[test]

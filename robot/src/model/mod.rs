@@ -11,6 +11,7 @@ pub mod collision;
 mod holding;
 pub mod kinematics;
 pub mod obstacle;
+pub mod ros2;
 pub mod settings;
 pub mod shapes;
 mod urdf;

@@ -1,5 +1,6 @@
 //! The layout of `robot.toml`: what a URDF cannot say. SI units, radians; joints and frames by their URDF names.
 
+use super::ros2::Ros2Settings;
 use crate::control::ControllerConfig;
 use crate::safety::settings::SafetySettings;
 use dsm::Pose;
@@ -72,6 +73,9 @@ pub struct RobotSettings {
     /// The safety envelope; default: see each of its values.
     #[serde(default)]
     pub safety: SafetySettings,
+    /// How the robot is reached over ROS 2; default: see each of its values.
+    #[serde(default)]
+    pub ros2: Ros2Settings,
 }
 
 /// How the base moves.

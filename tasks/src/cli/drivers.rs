@@ -2,12 +2,13 @@
 
 use super::replay::{OPEN, not_built_in};
 use super::run::{start_recording, tell_of_recording};
+use super::wire::{DriversChoice, WireArgs};
 use super::{Output, ResultArgs, WorldArgs};
 use crate::assemble::bare_robot;
 use crate::episode::{Episode, Start};
 use crate::error::TaskError;
 use crate::replay::{Wanted, recorded_robot};
-use crate::run::RunSpec;
+use crate::run::{Drivers, RunSpec};
 use crate::settings::Settings;
 use dsm_robot::conformance::{Report, SPACE_M, Scope, check};
 use dsm_robot::drivers::Robot;
@@ -47,8 +48,13 @@ pub struct CheckArgs {
     record: Option<PathBuf>,
     /// Try what was recorded with --record once more, without the robot: the same behaviours must be found in the same
     /// answers. --within and --freedom must be those of then.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["record", "scene"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["record", "scene", "drivers"])]
     recording: Option<PathBuf>,
+    /// Which drivers are tried. Over ROS 2 the scene is where the robot stands, and --scene says nothing.
+    #[arg(long, value_enum, default_value_t)]
+    drivers: DriversChoice,
+    #[command(flatten)]
+    wire: WireArgs,
     #[command(flatten)]
     world: WorldArgs,
     #[command(flatten)]
@@ -106,7 +112,10 @@ fn check_world(args: &CheckArgs) -> anyhow::Result<Report> {
         ..RunSpec::new("drivers", Episode::new(args.scene.clone()))
     };
     let model = RobotModel::load(&crate::assemble::find_robot(&spec.robot)?).map_err(TaskError::from)?;
-    spec.episode.start = Some(find_space(&args.scene, &model)?);
+    spec.drivers = args.wire.drivers(args.drivers, &spec.robot)?;
+    if spec.drivers == Drivers::Simulated {
+        spec.episode.start = Some(find_space(&args.scene, &model)?);
+    }
     let (robot, model) = bare_robot(&spec)?;
     let Some(file) = &args.record else { return Ok(check_robot(robot, &model, args)) };
     let mut recorder = start_recording(file, LARGEST_MB)?;

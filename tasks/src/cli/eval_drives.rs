@@ -7,7 +7,7 @@ use super::{PerceptionChoice, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
 use crate::language::{Language, embedded};
-use crate::run::RunSpec;
+use crate::run::{Drivers, RunSpec};
 use crate::settings::Settings;
 use crate::survey::drive;
 use dsm::store::write_atomically;
@@ -164,6 +164,7 @@ fn spec(scene: &Path, seed: u64, settings: &Settings, language: &Arc<dyn Languag
         physics: settings.physics.value.clone(),
         perception: settings.perception.value.clone(),
         language: language.clone(),
+        drivers: Drivers::Simulated,
         seed,
         time_limit_s: settings.time_limit_s.value,
         permute_labels: false,

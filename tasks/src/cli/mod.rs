@@ -1,5 +1,6 @@
 //! The command line: flags are parsed here and checked before anything runs.
 
+mod act;
 mod bench;
 mod bench_map;
 mod build;
@@ -25,18 +26,21 @@ mod scene;
 mod scene_survey;
 mod serve;
 mod serve_http;
+mod serve_robot;
 mod suite;
 mod suite_done;
 mod suite_parts;
 mod suite_recovery;
 mod suite_result;
 mod view;
+mod wire;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 pub use output::Output;
 pub use run::{Timing, prepare};
+pub use wire::{ClockChoice, DriversChoice, WireArgs};
 
 /// Simulation-in-the-loop robot tasks on a Diverse Semantic Map.
 #[derive(Debug, Parser)]
@@ -136,6 +140,10 @@ pub enum Command {
     Calibrate(calibrate::CalibrateArgs),
     /// Map a recorded sequence, own or others' (TUM, Replica, ScanNet), without a simulator.
     Build(build::BuildArgs),
+    /// Show the simulator as a robot that speaks ROS 2, and judge whoever drives it. Needs the feature `ros2`.
+    Serve(serve_robot::ServeRobotArgs),
+    /// Do what others order over ROS 2 by the action `DoTask`, and show them the map. Needs the feature `ros2`.
+    Act(act::ActArgs),
     /// Answer questions about a map over HTTP on this machine or as an MCP server; nothing can be changed.
     ServeMap(serve::ServeArgs),
     /// Ground a sentence in a map.
@@ -185,6 +193,8 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Replay(args) => replay::run(args),
         Command::Calibrate(args) => calibrate::run(args),
         Command::Build(args) => build::run(args),
+        Command::Serve(args) => serve_robot::run(args),
+        Command::Act(args) => act::run(args),
         Command::ServeMap(args) => serve::run(args),
         Command::Ground(args) => ground::run(args),
         Command::Eval(command) => eval::run(command),

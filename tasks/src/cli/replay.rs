@@ -28,6 +28,10 @@ pub struct ReplayArgs {
     /// Write a regression test into this folder: the recording, and what its replay comes to. `dsm replay DIR` runs it.
     #[arg(long, value_name = "DIR")]
     as_test: Option<PathBuf>,
+    /// Replay nothing: write what the recording holds as a ROS 2 bag, an MCAP file of standard messages. Needs the features
+    /// `mcap` and `ros2`.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["out", "as_test"])]
+    as_bag: Option<PathBuf>,
     /// Worker threads; never changes a result.
     #[arg(long)]
     threads: Option<u16>,
@@ -45,6 +49,14 @@ pub(super) fn run(args: ReplayArgs) -> anyhow::Result<u8> {
     } else {
         (None, args.recording)
     };
+    if let Some(bag) = &args.as_bag {
+        let write = WRITE_BAG.ok_or_else(|| TaskError::NotBuiltIn {
+            feature: "--as-bag".into(),
+            hint: "build with `--features mcap,ros2`".into(),
+        })?;
+        print(&format!("{} messages in {}", write(&recording, bag)?, bag.display()))?;
+        return Ok(0);
+    }
     let open = OPEN.ok_or_else(|| not_built_in("replay"))?;
     let folder = match &args.out {
         Some(out) => Some(prepare_folder(&OutArgs { out: Some(out.clone()), force: args.force }, out)?),
@@ -83,6 +95,14 @@ pub(super) type Open = fn(&Path, Wanted) -> Result<Box<dyn EntrySource>, TaskErr
 pub(super) const OPEN: Option<Open> = Some(crate::mcap_file::open_run);
 #[cfg(not(feature = "mcap"))]
 pub(super) const OPEN: Option<Open> = None;
+
+/// Writes a recording as a bag, and says how many messages it holds.
+type WriteBag = fn(&Path, &Path) -> Result<u32, TaskError>;
+
+#[cfg(all(feature = "mcap", feature = "ros2"))]
+const WRITE_BAG: Option<WriteBag> = Some(crate::mcap_file::write_bag);
+#[cfg(not(all(feature = "mcap", feature = "ros2")))]
+const WRITE_BAG: Option<WriteBag> = None;
 
 fn describe(report: &ReplayReport, recording: &Path) -> String {
     let mut text = format!(

@@ -4,6 +4,7 @@ use super::info::holds_key;
 use super::output::{prepare_folder, to_json};
 use super::replay::not_built_in;
 use super::view::{DEFAULT_PORT, View};
+use super::wire::{DriversChoice, WireArgs};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
@@ -11,7 +12,7 @@ use crate::failure_page::{FAILURE_FILE, failure_page};
 use crate::language::find_language;
 use crate::perception::Tape;
 use crate::replay::{EntryFile, Recorder, RecordingEnd};
-use crate::run::{Finished, Progress, RunSpec, run_kept};
+use crate::run::{Drivers, Finished, Progress, RunSpec, run_kept};
 use crate::session::Keep;
 use crate::settings::Settings;
 use crate::summary::Summary;
@@ -30,6 +31,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct RunArgs {
     /// An episode file.
     episode: PathBuf,
+    /// Behind which drivers the robot stands. Over ROS 2 nobody judges here: `dsm serve` does.
+    #[arg(long, value_enum, default_value_t)]
+    drivers: DriversChoice,
+    #[command(flatten)]
+    wire: WireArgs,
     #[command(flatten)]
     world: WorldArgs,
     #[command(flatten)]
@@ -65,7 +71,8 @@ pub struct Timing {
 
 /// Runs one episode.
 pub(super) fn run(args: RunArgs) -> anyhow::Result<u8> {
-    let (spec, settings) = prepare(&args.episode, &args.world)?;
+    let (mut spec, settings) = prepare(&args.episode, &args.world)?;
+    spec.drivers = args.wire.drivers(args.drivers, &spec.robot)?;
     set_threads(settings.threads.value)?;
     // Broken input is found before anything is written.
     crate::assemble::check(&spec)?;
@@ -132,6 +139,7 @@ pub fn prepare(file: &Path, world: &WorldArgs) -> Result<(RunSpec, Settings), Ta
         physics: settings.physics.value.clone(),
         perception: settings.perception.value.clone(),
         language: find_language(&settings.backend.value)?,
+        drivers: Drivers::Simulated,
         seed: settings.seed.value,
         time_limit_s: settings.time_limit_s.value,
         permute_labels: false,

@@ -8,6 +8,7 @@ use super::source::Periods;
 use crate::agent::Halt;
 use crate::assemble::{enveloped, find_robot};
 use crate::crew::{Crew, Gear, settle};
+use crate::deferred::Waiting;
 use crate::error::TaskError;
 use crate::journal::{Event, Witness};
 use crate::language::embedded;
@@ -76,10 +77,11 @@ pub fn play(
         model,
         detector,
         language: embedded(),
+        waiting: Waiting::ForResults,
         tapes: vec![tape],
         time_limit_s: head.time_limit_s,
         interrupted,
-        on_tick: Box::new(|| {}),
+        on_tick: Box::new(|_| {}),
         on_frame: Box::new(|_| {}),
     };
     let Crew { mut agent, mut executor, .. } = Crew::new(gear)?;

@@ -5,9 +5,10 @@ use super::{Core, lost};
 use crate::error::Ros2Error;
 use crate::messages::{Clock, Step, Time};
 use crate::settings::ClockSource;
+use crate::wall::{instant, machine_now};
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::DriverError;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 /// Asks a simulation to let time pass.
 pub(crate) const ADVANCE_TOPIC: &str = "/dsm/advance";
@@ -28,12 +29,6 @@ pub(super) struct RobotClock {
     /// The newest moment, when it is not the machine's.
     now: Stamp,
     steps: u64,
-}
-
-fn machine_now() -> Stamp {
-    #[allow(clippy::disallowed_methods, reason = "hardware lives by the machine's clock")]
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Stamp(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
 }
 
 impl RobotClock {
@@ -71,11 +66,6 @@ impl RobotClock {
     }
 }
 
-fn instant() -> Instant {
-    #[allow(clippy::disallowed_methods, reason = "how long to wait for others is a matter of real time")]
-    Instant::now()
-}
-
 impl Core {
     /// Waits until somebody is at the other end of every topic and every part has said how it is.
     pub(super) fn meet(&mut self) -> Result<(), Ros2Error> {
@@ -102,6 +92,7 @@ impl Core {
 
     /// Lets time pass until `stamp`.
     pub(super) fn pass_time(&mut self, stamp: Stamp) -> Result<(), DriverError> {
+        self.say_log()?;
         match self.settings.clock {
             ClockSource::Wall => self.wait_for_machine(stamp),
             ClockSource::Topic => self.wait_for_clock(stamp)?,
@@ -159,6 +150,7 @@ impl Core {
         self.head.forget_sent();
         self.gripper.forget_sent();
         self.stop.forget_sent();
+        self.log.forget_sent();
     }
 
     fn ask_for_step(&mut self, until: Stamp) -> Result<(), DriverError> {
@@ -166,8 +158,9 @@ impl Core {
             (self.base.topic(), self.base.sent()),
             self.arm.sent(),
             self.head.sent(),
-            (self.gripper.topic(), self.gripper.sent()),
+            self.gripper.sent(),
             (self.stop.topic(), self.stop.sent()),
+            (self.log.topic(), self.log.sent()),
         ];
         let (topics, counts) = spoken.into_iter().map(|(topic, count)| (topic.to_owned(), count)).unzip();
         let step = Step { until: until.into(), number: self.clock.steps, topics, counts };

@@ -1,6 +1,7 @@
 //! What the robot said last.
 
 use super::clock::{ADVANCED_TOPIC, RobotClock};
+use super::joints::{Joints, OVERTAKING, is_late};
 use super::pictures::{Picture, PictureBuffer, colors_of, depths_of};
 use crate::error::Ros2Error;
 use crate::link::{Delivery, LinkBuilder};
@@ -14,13 +15,10 @@ use dsm::camera::CameraModel;
 use dsm::frame::FrameId;
 use dsm::perceive::{Detection, Detections, Mask, Run};
 use dsm::time::{Span, Stamp};
-use dsm_robot::drivers::{DriverError, GripperState, JointState, StampedPose, Twist};
-use dsm_robot::joints::{JointNames, JointPositions};
+use dsm_robot::drivers::{DRIVER_TIMEOUT, DriverError, GripperState, StampedPose, Twist};
 use dsm_robot::model::RobotModel;
 use std::collections::VecDeque;
 
-/// Fingers slower than this stand still, metres per second.
-const STILL_M_PER_S: f64 = 0.002;
 /// States kept for the stamps of pictures, which come later than these.
 const HISTORY: usize = 256;
 /// Frames whose detections may still come.
@@ -57,11 +55,11 @@ pub(super) fn listen(
     link.listen(&settings.localisation, states, Incoming::Localisation)?;
     link.listen(&settings.emergency_stop, Delivery::Kept, Incoming::Stopped)?;
     for (index, camera) in model.settings.camera.iter().enumerate() {
-        let topic = |pattern: &str| Ros2Settings::of_camera(pattern, &camera.name);
-        link.listen(&topic(&settings.color), pictures, move |image| Incoming::Color(index, image))?;
-        link.listen(&topic(&settings.depth), pictures, move |image| Incoming::Depth(index, image))?;
-        if !settings.camera_pose.is_empty() {
-            link.listen(&topic(&settings.camera_pose), states, move |pose| Incoming::CameraPose(index, pose))?;
+        let topics = settings.camera_topics(&camera.name);
+        link.listen(&topics.color, pictures, move |image| Incoming::Color(index, image))?;
+        link.listen(&topics.depth, pictures, move |image| Incoming::Depth(index, image))?;
+        if let Some(topic) = settings.find_pose_topic(&camera.name) {
+            link.listen(&topic, states, move |pose| Incoming::CameraPose(index, pose))?;
         }
     }
     if !settings.detections.is_empty() {
@@ -77,18 +75,29 @@ pub(super) fn listen(
 
 /// What the robot said last, and a short history of it.
 pub(super) struct Inbox {
-    joints: VecDeque<(Stamp, RosJointState)>,
+    pub(super) joints: Joints,
     poses: VecDeque<StampedPose>,
-    odometry: Option<(StampedPose, Twist)>,
+    odometry: Option<Heard>,
+    /// The newest moment that was heard of.
+    newest: Stamp,
+    /// How far messages overtake each other.
+    overtaking: Span,
     cameras: Vec<Camera>,
     /// Frames that were read, so that detections find theirs.
     frames: VecDeque<(String, Stamp, FrameId)>,
     early: VecDeque<MaskedDetections>,
-    model: std::sync::Arc<RobotModel>,
     /// The newest step that was answered.
     pub(super) stepped: Option<Step>,
     /// Why the robot says that it is stopped.
     pub(super) stopped: Option<String>,
+}
+
+/// Odometry, and the newest moment when it came.
+#[derive(Clone, Copy)]
+struct Heard {
+    odom_from_base: StampedPose,
+    twist: Twist,
+    at: Stamp,
 }
 
 struct Camera {
@@ -97,7 +106,7 @@ struct Camera {
     pictures: PictureBuffer,
 }
 
-fn silent(part: &str) -> DriverError {
+pub(super) fn silent(part: &str) -> DriverError {
     DriverError::Lost { part: part.to_owned(), reason: "it has said nothing yet".to_owned() }
 }
 
@@ -109,7 +118,7 @@ fn keep<T>(history: &mut VecDeque<T>, item: T, bound: usize) {
 }
 
 impl Inbox {
-    pub(super) fn new(model: &std::sync::Arc<RobotModel>, settings: &Ros2Settings) -> Self {
+    pub(super) fn new(model: &RobotModel, settings: &Ros2Settings) -> Self {
         let tolerance = Span::from_s(settings.sync_tolerance_s);
         let needs_pose = !settings.camera_pose.is_empty();
         let camera = |camera: &dsm_robot::model::settings::CameraSettings| Camera {
@@ -118,13 +127,17 @@ impl Inbox {
             pictures: PictureBuffer::new(tolerance, needs_pose),
         };
         Self {
-            joints: VecDeque::new(),
+            joints: Joints::default(),
             poses: VecDeque::new(),
             odometry: None,
+            newest: Stamp(0),
+            overtaking: match settings.clock {
+                ClockSource::LockStep => Span(0),
+                ClockSource::Wall | ClockSource::Topic => OVERTAKING,
+            },
             cameras: model.settings.camera.iter().map(camera).collect(),
             frames: VecDeque::new(),
             early: VecDeque::new(),
-            model: model.clone(),
             stepped: None,
             stopped: None,
         }
@@ -143,11 +156,18 @@ impl Inbox {
     /// Takes in a message; gives back detections whose frame was read.
     pub(super) fn accept(&mut self, message: Incoming, clock: &RobotClock) -> Option<Detections> {
         match message {
-            Incoming::Joints(state) => keep(&mut self.joints, (clock.stamp(state.header.stamp), state), HISTORY),
+            Incoming::Joints(state) => {
+                let stamp = clock.stamp(state.header.stamp);
+                self.newest = self.newest.max(stamp);
+                self.joints.accept(stamp, &state, self.overtaking);
+            }
             Incoming::Odometry(said) => self.accept_odometry(&said, clock),
             Incoming::Localisation(said) => match said.pose.pose.find_isometry() {
                 Some(pose) => {
                     let stamp = clock.stamp(said.header.stamp);
+                    if self.poses.back().is_some_and(|last| is_late(stamp, last.stamp, self.overtaking)) {
+                        return None;
+                    }
                     keep(&mut self.poses, StampedPose { stamp, pose }, HISTORY);
                 }
                 None => tracing::warn!("localisation: a pose that is none"),
@@ -184,51 +204,36 @@ impl Inbox {
             tracing::warn!("odometry: a pose that is none");
             return;
         };
-        self.odometry = Some((StampedPose { stamp: clock.stamp(said.header.stamp), pose }, twist));
-    }
-
-    /// The state of joints; each must have been named.
-    pub(super) fn state_of(&self, names: &JointNames) -> Result<JointState, DriverError> {
-        let (stamp, said) = self.joints.back().ok_or_else(|| silent("joints"))?;
-        let value = |name: &str| {
-            let index = said.name.iter().position(|known| known == name)?;
-            Some((*said.position.get(index)?, *said.velocity.get(index)?))
-        };
-        let values: Option<Vec<(f64, f64)>> = names.iter().map(|name| value(name)).collect();
-        let state = values.and_then(|values| super::joint_state(*stamp, names, &values));
-        state.ok_or_else(|| DriverError::WrongJoints {
-            expected: names.iter().map(|name| name.to_string()).collect(),
-            got: said.name.clone(),
-        })
-    }
-
-    /// The gripper, by its fingers.
-    pub(super) fn gripper_state(&self) -> Result<GripperState, DriverError> {
-        let (stamp, said) = self.joints.back().ok_or_else(|| silent("gripper"))?;
-        let (mut width_m, mut force_n, mut moving) = (0.0, 0.0, false);
-        let joints = &self.model.settings.gripper.joints;
-        for joint in joints {
-            let index = said.name.iter().position(|known| known == joint);
-            let Some((position, velocity)) =
-                index.and_then(|index| Some((said.position.get(index)?, said.velocity.get(index)?)))
-            else {
-                return Err(DriverError::WrongJoints { expected: joints.clone(), got: said.name.clone() });
-            };
-            width_m += position;
-            moving |= velocity.abs() > STILL_M_PER_S;
-            // A driver that does not measure efforts leaves them out.
-            force_n += index.and_then(|index| said.effort.get(index)).map_or(0.0, |effort| effort.abs());
+        let stamp = clock.stamp(said.header.stamp);
+        self.newest = self.newest.max(stamp);
+        let is_new = |heard: &Heard| !is_late(stamp, heard.odom_from_base.stamp, self.overtaking);
+        if self.odometry.as_ref().is_none_or(is_new) {
+            self.odometry = Some(Heard { odom_from_base: StampedPose { stamp, pose }, twist, at: self.newest });
         }
-        let force_n = force_n / joints.len() as f64;
-        Ok(GripperState { stamp: *stamp, width_m: width_m.max(0.0), force_n, moving })
     }
 
+    /// The base's velocity has no stamp: where odometry has ceased while others go on, it is lost.
     pub(super) fn base_velocity(&self) -> Result<Twist, DriverError> {
-        self.odometry.as_ref().map(|(_, twist)| *twist).ok_or_else(|| silent("odometry"))
+        let heard = self.odometry.as_ref().ok_or_else(|| silent("odometry"))?;
+        if self.newest - heard.at > DRIVER_TIMEOUT {
+            let reason = format!("odometry has ceased {:.1} s ago", (self.newest - heard.at).as_s());
+            return Err(DriverError::Lost { part: "base".into(), reason });
+        }
+        Ok(heard.twist)
+    }
+
+    /// The gripper; fingers that are silent while others go on are lost.
+    pub(super) fn gripper_state(&self, model: &RobotModel) -> Result<GripperState, DriverError> {
+        let state = self.joints.gripper_state(model)?;
+        if self.newest - state.stamp > DRIVER_TIMEOUT {
+            let reason = format!("its fingers are silent for {:.1} s", (self.newest - state.stamp).as_s());
+            return Err(DriverError::Lost { part: "gripper".into(), reason });
+        }
+        Ok(state)
     }
 
     pub(super) fn odom_from_base(&self) -> Result<StampedPose, DriverError> {
-        self.odometry.as_ref().map(|(pose, _)| *pose).ok_or_else(|| silent("odometry"))
+        self.odometry.as_ref().map(|heard| heard.odom_from_base).ok_or_else(|| silent("odometry"))
     }
 
     pub(super) fn world_from_base(&self) -> Result<StampedPose, DriverError> {
@@ -246,24 +251,15 @@ impl Inbox {
         self.poses.iter().min_by_key(|pose| (pose.stamp.0 - stamp.0).abs()).map(|pose| pose.pose)
     }
 
-    /// Where all joints of the model were at a moment: the state nearest to it.
-    pub(super) fn find_joints_at(&self, stamp: Stamp) -> Option<JointPositions> {
-        let (_, said) = self.joints.iter().min_by_key(|(other, _)| (other.0 - stamp.0).abs())?;
-        let mut positions = self.model.kinematics.zero().positions().clone();
-        let names = positions.names().clone();
-        for (name, value) in names.iter().zip(positions.values_mut()) {
-            if let Some(position) =
-                said.name.iter().position(|known| **known == **name).and_then(|i| said.position.get(i))
-            {
-                *value = *position;
-            }
-        }
-        Some(positions)
-    }
-
     /// Notes a frame that was read: detections that come later, or came before, are those of this frame.
     pub(super) fn note_frame(&mut self, camera: &str, stamp: Stamp, id: FrameId) {
         keep(&mut self.frames, (camera.to_owned(), stamp, id), FRAMES);
+    }
+
+    /// The number that the robot itself gave a picture, when its detections came before it was read.
+    pub(super) fn find_number(&self, camera: &str, stamp: Stamp, clock: &RobotClock) -> Option<FrameId> {
+        let same = |seen: &&MaskedDetections| seen.header.frame_id == camera && clock.stamp(seen.header.stamp) == stamp;
+        self.early.iter().find(same).map(|seen| FrameId(seen.frame))
     }
 
     /// Detections that came before their frame was read, once it is.

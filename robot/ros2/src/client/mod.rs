@@ -9,15 +9,15 @@
 
 pub(crate) mod clock;
 mod inbox;
+mod joints;
 pub mod pictures;
+mod speakers;
 
+use crate::account::{LOG_TOPIC, OWN_NAME};
 use crate::error::Ros2Error;
 use crate::link::{Delivery, Link, LinkBuilder, Speaker};
-use crate::messages::{
-    Duration, Float64MultiArray, GripperCommand, Header, JointTrajectory, JointTrajectoryPoint, MultiArrayLayout, Step,
-    Text, Twist as RosTwist, TwistStamped, Vector3,
-};
-use crate::settings::{ClockSource, JointInterface, Ros2Settings};
+use crate::messages::{GripperCommand, Header, Log, Step, Text, Twist as RosTwist, TwistStamped, Vector3};
+use crate::settings::{ClockSource, Ros2Settings};
 use clock::RobotClock;
 use dsm::frame::{FrameId, RgbdFrame};
 use dsm::perceive::Detections;
@@ -26,14 +26,12 @@ use dsm_robot::drivers::{
     Base, Cameras, Clock, DriverError, EmergencyStop, Gripper, GripperState, JointGroup, JointState, Localisation,
     Robot, StampedPose, Twist,
 };
-use dsm_robot::joints::{JointNames, JointPositions, JointVelocities};
+use dsm_robot::joints::{JointNames, JointVelocities};
 use dsm_robot::model::RobotModel;
 use inbox::{Inbox, Incoming};
+use speakers::{COMMANDS, GripperSpeaker, JointSpeaker};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
-
-/// Commands kept for sending again.
-const COMMANDS: Delivery = Delivery::Reliable { depth: 64 };
 
 /// A robot behind ROS 2.
 pub struct Ros2Robot {
@@ -55,70 +53,49 @@ struct Core {
     base: Speaker<TwistStamped>,
     arm: JointSpeaker,
     head: JointSpeaker,
-    gripper: Speaker<GripperCommand>,
+    gripper: GripperSpeaker,
     stop: Speaker<Text>,
+    log: Speaker<Log>,
     step: Option<Speaker<Step>>,
     stopped: Option<String>,
     next_frame: u64,
     detections: Option<Sender<Detections>>,
+    lines: Receiver<String>,
 }
 
-/// What commands go out by.
-enum JointSpeaker {
-    Velocities(Speaker<Float64MultiArray>),
-    Trajectory(Speaker<JointTrajectory>),
-}
-
-impl JointSpeaker {
-    fn new<I: Send + 'static>(
-        link: &mut LinkBuilder<I>,
-        topic: &str,
-        interface: JointInterface,
-    ) -> Result<Self, Ros2Error> {
-        Ok(match interface {
-            JointInterface::Velocities => Self::Velocities(link.speak(topic, COMMANDS)?),
-            JointInterface::Trajectory => Self::Trajectory(link.speak(topic, COMMANDS)?),
-        })
-    }
-
-    fn forget_sent(&mut self) {
-        match self {
-            Self::Velocities(speaker) => speaker.forget_sent(),
-            Self::Trajectory(speaker) => speaker.forget_sent(),
-        }
-    }
-
-    fn sent(&self) -> (&str, u64) {
-        match self {
-            Self::Velocities(speaker) => (speaker.topic(), speaker.sent()),
-            Self::Trajectory(speaker) => (speaker.topic(), speaker.sent()),
-        }
-    }
+/// A robot that was reached.
+pub struct Connection {
+    /// The robot.
+    pub robot: Ros2Robot,
+    /// The detections that come over the wire, if the settings name a topic for them.
+    pub detections: Option<Receiver<Detections>>,
+    /// Takes lines of the task's log; they go out on `/rosout` when time passes.
+    pub log: Sender<String>,
 }
 
 /// Connects to the robot of a model: waits until somebody is at the other end of every topic, and until every part has said
 /// how it is.
-///
-/// The receiver gets the detections that come over the wire, if `settings.detections` names a topic.
-///
+//////
 /// # Errors
 /// [`Ros2Error`]: no DDS, or nobody there within the time of `settings`.
-pub fn connect(
-    model: Arc<RobotModel>,
-    settings: Ros2Settings,
-) -> Result<(Ros2Robot, Option<Receiver<Detections>>), Ros2Error> {
+pub fn connect(model: Arc<RobotModel>, settings: Ros2Settings) -> Result<Connection, Ros2Error> {
     let mut link = LinkBuilder::new("dsm", settings.domain)?;
     inbox::listen(&mut link, &model, &settings)?;
     let base = link.speak(&settings.base_command, COMMANDS)?;
-    let arm = JointSpeaker::new(&mut link, &settings.arm_command, settings.arm_interface)?;
-    let head = JointSpeaker::new(&mut link, &settings.head_command, settings.head_interface)?;
-    let gripper = link.speak(&settings.gripper_command, COMMANDS)?;
+    let arm = JointSpeaker::new(&mut link, &settings.arm_command, settings.arm_interface, &settings)?;
+    let head = JointSpeaker::new(&mut link, &settings.head_command, settings.head_interface, &settings)?;
+    let gripper = GripperSpeaker::new(&mut link, &settings)?;
     let stop = link.speak(&settings.emergency_stop, Delivery::Kept)?;
     let step = match settings.clock {
         ClockSource::LockStep => Some(link.speak(clock::ADVANCE_TOPIC, COMMANDS)?),
         ClockSource::Wall | ClockSource::Topic => None,
     };
-    let (sender, receiver) = channel();
+    let log = match settings.clock {
+        // What belongs to a step must be heard.
+        ClockSource::LockStep => link.speak(LOG_TOPIC, COMMANDS)?,
+        ClockSource::Wall | ClockSource::Topic => link.speak_aside(LOG_TOPIC, COMMANDS)?,
+    };
+    let ((sender, receiver), (lines, said)) = (channel(), channel());
     let has_detections = !settings.detections.is_empty();
     let mut core = Core {
         link: link.start()?,
@@ -131,13 +108,16 @@ pub fn connect(
         head,
         gripper,
         stop,
+        log,
         step,
         stopped: None,
         next_frame: 0,
         detections: has_detections.then_some(sender),
+        lines: said,
     };
     core.meet()?;
-    Ok((Ros2Robot { parts: Arm(Head(core)) }, has_detections.then_some(receiver)))
+    let robot = Ros2Robot { parts: Arm(Head(core)) };
+    Ok(Connection { robot, detections: has_detections.then_some(receiver), log: lines })
 }
 
 fn lost(part: &str, reason: impl Into<String>) -> DriverError {
@@ -202,20 +182,24 @@ impl Core {
             finite(velocity, &format!("velocity of {name}"))?;
         }
         let ahead_s = self.settings.trajectory_ahead_s;
-        let positions = self.inbox.state_of(self.group_names(group))?.positions;
+        let positions = self.inbox.joints.state_of(self.group_names(group))?.positions;
         let speaker = match group {
             Which::Arm => &mut self.arm,
             Which::Head => &mut self.head,
         };
-        let said = match speaker {
-            JointSpeaker::Velocities(speaker) => {
-                let layout = MultiArrayLayout::default();
-                speaker.say(Float64MultiArray { layout, data: velocities.values().to_vec() })
-            }
-            JointSpeaker::Trajectory(speaker) => speaker.say(trajectory(velocities, positions.values(), ahead_s)),
-        };
+        let said = speaker.say(self.clock.now(), velocities, positions.values(), ahead_s);
         said.map_err(|reason| lost(group.name(), reason))?;
         Ok(velocities.clone())
+    }
+
+    /// Says the lines of the log that came up.
+    fn say_log(&mut self) -> Result<(), DriverError> {
+        let stamp = self.clock.on_the_wire().into();
+        for msg in self.lines.try_iter() {
+            let line = Log { stamp, level: 20, name: OWN_NAME.into(), msg, ..Log::default() };
+            self.log.say(line).map_err(|reason| lost("log", reason))?;
+        }
+        Ok(())
     }
 
     /// The next whole picture of a camera, as a frame.
@@ -232,13 +216,18 @@ impl Core {
             None => {
                 let Some(world_from_base) = self.inbox.find_pose_at(picture.stamp) else { return Ok(None) };
                 let mut configuration = self.model.kinematics.zero();
-                let Some(joints) = self.inbox.find_joints_at(picture.stamp) else { return Ok(None) };
+                let Some(joints) = self.inbox.joints.find_at(picture.stamp, &self.model) else { return Ok(None) };
                 configuration.apply(&joints);
                 world_from_base * self.model.kinematics.root_from_link(&configuration, link)
             }
         };
-        let id = FrameId(self.next_frame);
-        self.next_frame += 1;
+        // In lock step the detections are there already, and with them the robot's own number.
+        let number = match self.settings.clock {
+            ClockSource::LockStep => self.inbox.find_number(camera, picture.stamp, &self.clock),
+            ClockSource::Wall | ClockSource::Topic => None,
+        };
+        let id = number.unwrap_or(FrameId(self.next_frame));
+        self.next_frame = self.next_frame.max(id.0) + 1;
         self.inbox.note_frame(camera, picture.stamp, id);
         while let Some(found) = self.inbox.find_matched(&self.clock) {
             self.hand_on(found);
@@ -246,20 +235,6 @@ impl Core {
         let (stamp, color, depth_m) = (picture.stamp, picture.color, picture.depth_m);
         Ok(Some(RgbdFrame { id, stamp, camera: name, model, world_from_camera, color, depth_m }))
     }
-}
-
-/// One point a short way ahead, with the velocity it is passed at.
-fn trajectory(velocities: &JointVelocities, positions: &[f64], ahead_s: f64) -> JointTrajectory {
-    let ahead = positions.iter().zip(velocities.values()).map(|(at, velocity)| at + ahead_s * velocity);
-    let time_from_start = Duration { sec: ahead_s as i32, nanosec: (ahead_s.fract() * 1e9) as u32 };
-    let point = JointTrajectoryPoint {
-        positions: ahead.collect(),
-        velocities: velocities.values().to_vec(),
-        time_from_start,
-        ..JointTrajectoryPoint::default()
-    };
-    let joint_names = velocities.names().iter().map(|name| name.to_string()).collect();
-    JointTrajectory { header: Header::default(), joint_names, points: vec![point] }
 }
 
 /// Which of the two joint groups.
@@ -304,7 +279,7 @@ impl JointGroup for Arm {
 
     fn state(&mut self) -> Result<JointState, DriverError> {
         self.0.0.take_in();
-        self.0.0.inbox.state_of(&self.0.0.model.arm.joints)
+        self.0.0.inbox.joints.state_of(&self.0.0.model.arm.joints)
     }
 }
 
@@ -315,7 +290,7 @@ impl JointGroup for Head {
 
     fn state(&mut self) -> Result<JointState, DriverError> {
         self.0.take_in();
-        self.0.inbox.state_of(&self.0.model.head.joints)
+        self.0.inbox.joints.state_of(&self.0.model.head.joints)
     }
 }
 
@@ -332,7 +307,7 @@ impl Gripper for Core {
 
     fn state(&mut self) -> Result<GripperState, DriverError> {
         self.take_in();
-        self.inbox.gripper_state()
+        self.inbox.gripper_state(&self.model)
     }
 }
 
@@ -418,13 +393,4 @@ impl Robot for Ros2Robot {
     fn emergency_stop(&mut self) -> &mut dyn EmergencyStop {
         &mut self.parts.0.0
     }
-}
-
-/// Positions and velocities of joints by their names.
-pub(crate) fn joint_state(stamp: Stamp, names: &JointNames, values: &[(f64, f64)]) -> Option<JointState> {
-    Some(JointState {
-        stamp,
-        positions: JointPositions::from_values(names, values.iter().map(|(position, _)| *position).collect())?,
-        velocities: JointVelocities::from_values(names, values.iter().map(|(_, velocity)| *velocity).collect())?,
-    })
 }

@@ -42,6 +42,8 @@ pub struct MaskedDetection {
 pub struct MaskedDetections {
     /// Those of the picture.
     pub header: Header,
+    /// Number of the picture among all that the robot took.
+    pub frame: u64,
     /// Who saw them.
     pub detector: String,
     /// Columns of the picture.
@@ -50,4 +52,17 @@ pub struct MaskedDetections {
     pub detections: Vec<MaskedDetection>,
 }
 
-super::named!("dsm_msgs": Step, MaskedDetections);
+/// What a run came to, as the robot's own task has it. Whoever judges needs it for what was grounded and refused.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Account {
+    /// Name of the episode.
+    pub episode: String,
+    /// Accounts of the steps, JSON as in `summary.json`.
+    pub steps: String,
+    /// The first failure that the task knows of, JSON; `null` without one.
+    pub failure: String,
+    /// The map at the end, the bytes of `map.dsm`.
+    pub map: Vec<u8>,
+}
+
+super::named!("dsm_msgs": Step, MaskedDetections, Account);

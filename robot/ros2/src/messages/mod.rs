@@ -4,17 +4,21 @@
 //! `tests/cdr.rs` holds each against bytes made by another implementation.
 
 mod control;
+mod definitions;
 mod geometry;
 mod lockstep;
 mod sensor;
 mod standard;
+mod tasks;
 mod vision;
 
 pub use control::*;
+pub use definitions::find_definition;
 pub use geometry::*;
 pub use lockstep::*;
 pub use sensor::*;
 pub use standard::*;
+pub use tasks::*;
 pub use vision::*;
 
 /// A message with its name in ROS 2.

@@ -153,6 +153,26 @@ pub struct DiagnosticArray {
     pub status: Vec<DiagnosticStatus>,
 }
 
+/// A line of a log: `rcl_interfaces/Log`, on `/rosout`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Log {
+    /// When.
+    pub stamp: Time,
+    /// How bad: 10 debug, 20 info, 30 warning, 40 error, 50 fatal.
+    pub level: u8,
+    /// Whose.
+    pub name: String,
+    /// The line.
+    pub msg: String,
+    /// The source file.
+    pub file: String,
+    /// The function.
+    pub function: String,
+    /// The line in the file.
+    pub line: u32,
+}
+
+super::named!("rcl_interfaces": Log);
 super::named!("std_msgs": Bool, Float64MultiArray);
 super::named!("rosgraph_msgs": Clock);
 super::named!("diagnostic_msgs": DiagnosticArray);

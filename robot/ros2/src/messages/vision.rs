@@ -184,5 +184,6 @@ pub struct MarkerArray {
     pub markers: Vec<Marker>,
 }
 
+super::named!("sensor_msgs": CompressedImage);
 super::named!("vision_msgs": Detection2DArray, Detection3DArray);
 super::named!("visualization_msgs": MarkerArray);
