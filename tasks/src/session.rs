@@ -17,8 +17,9 @@
 //! ```
 
 use crate::agent::{Agent, Halt};
-use crate::assemble::{Judged, Present, Tell, find_present};
+use crate::assemble::{Judged, Present, Tell, find_present, limited};
 use crate::crew::{Crew, Gear, settle};
+use crate::deferred::Waiting;
 use crate::episode::Step;
 use crate::error::TaskError;
 use crate::executor::{Account, Executor, reason_of, words_of};
@@ -30,8 +31,10 @@ use crate::run::{CELL_M, Finished, Progress, RunSpec};
 use crate::skills::Outcome;
 use crate::summary::{Failure, StepOutcome, StepSummary};
 use crate::verdict::{Told, believed, judged};
+use dsm::perceive::Detector;
 use dsm::store::MapLog;
 use dsm::time::Stamp;
+use dsm_robot::drivers::Robot;
 use dsm_robot::model::RobotModel;
 use dsm_robot::nav::NavConfig;
 use std::cell::RefCell;
@@ -39,6 +42,7 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::channel;
 
 /// A run that goes on.
 pub struct Session {
@@ -62,6 +66,18 @@ pub struct Keep {
     pub tapes: Vec<Box<dyn Tape>>,
     /// Keeps all that the robot is asked and answers, so that the run can be replayed.
     pub recorder: Option<Recorder>,
+}
+
+/// A robot of one's own, with drivers in Rust.
+pub struct OwnRobot {
+    /// Its drivers, without limits around them.
+    pub robot: Box<dyn Robot>,
+    /// What it is, by `robot.toml`.
+    pub model: Arc<RobotModel>,
+    /// Who finds things in its pictures.
+    pub detector: Box<dyn Detector>,
+    /// Whether its clock waits for slow work: [`Waiting::Never`] for whatever stands in the real world.
+    pub waiting: Waiting,
 }
 
 impl Session {
@@ -95,9 +111,38 @@ impl Session {
         interrupted: Arc<AtomicBool>,
         progress: Box<dyn Progress>,
     ) -> Result<Self, TaskError> {
+        let present = find_present(spec, keep.recorder.as_ref().map(Recorder::sink))?;
+        Self::begin_present(spec, present, map_file, keep, interrupted, progress)
+    }
+
+    /// As [`Self::begin`], on a robot of one's own in place of a simulated one. It is held within the limits of its model;
+    /// nobody judges, and of `spec` neither scene nor robot are read.
+    pub fn begin_on(
+        own: OwnRobot,
+        spec: &RunSpec,
+        map_file: Option<&Path>,
+        keep: Keep,
+        interrupted: Arc<AtomicBool>,
+        progress: Box<dyn Progress>,
+    ) -> Result<Self, TaskError> {
+        let OwnRobot { robot, model, detector, waiting } = own;
+        let robot = limited(robot, &model, keep.recorder.as_ref().map(Recorder::sink), spec.stop.clone());
+        // Nobody else wants to hear the words of the event log.
+        let (words, _) = channel();
+        let present = Present { robot, model, detector, words, judged: None, waiting, tell: None };
+        Self::begin_present(spec, present, map_file, keep, interrupted, progress)
+    }
+
+    fn begin_present(
+        spec: &RunSpec,
+        present: Present,
+        map_file: Option<&Path>,
+        keep: Keep,
+        interrupted: Arc<AtomicBool>,
+        progress: Box<dyn Progress>,
+    ) -> Result<Self, TaskError> {
         let Keep { mut tapes, mut recorder } = keep;
-        let sink = recorder.as_ref().map(Recorder::sink);
-        let Present { robot, model, detector, words, judged, waiting, tell } = find_present(spec, sink)?;
+        let Present { robot, model, detector, words, judged, waiting, tell } = present;
         let is_taped = !tapes.is_empty();
         let witness = match &mut recorder {
             Some(recorder) => {
