@@ -129,7 +129,8 @@ impl OrientedBox {
         self.center.z + 0.5 * self.height_m()
     }
 
-    fn height_m(&self) -> f64 {
+    /// From its lowest to its highest point, metres.
+    pub fn height_m(&self) -> f64 {
         let matrix = self.rotation.to_rotation_matrix();
         (0..3).map(|i| matrix[(2, i)].abs() * self.size[i]).sum()
     }

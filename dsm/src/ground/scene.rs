@@ -134,6 +134,10 @@ impl<'a> Scene<'a> {
         const COMMON_SHARE: f64 = 0.5;
         const GAP_M: f64 = 0.1;
         const SAME_PLACE_SHARE: f64 = 0.6;
+        /// What is lower than this share of a thing is a slice of it, and no smaller one that stands in it.
+        const FLAT_SHARE: f64 = 0.4;
+        /// Pieces of one thing that lie over each other have their middles within this share of their width.
+        const ASIDE_SHARE: f64 = 0.25;
         /// Similarity of names from which one is said for the other.
         const ALIKE: f32 = 0.5;
         let (double, known) = (self.items[item].object, self.items[of].object);
@@ -145,9 +149,17 @@ impl<'a> Scene<'a> {
         if double.observations < known.observations && double.name() == known.name() {
             // Bowls stand in bowls and drawers in chests; nothing else of one name holds another one's middle.
             let nests = self.categories[item].is_none_or(|category| !category.graspable || category.is_a("container"));
-            let inside = b.contains(&a.center, 0.0) && (!nests || a.contains(&b.center, 0.0));
+            let is_flat = a.height_m() < FLAT_SHARE * b.height_m();
+            let inside = b.contains(&a.center, 0.0) && (!nests || is_flat || a.contains(&b.center, 0.0));
             let smaller = a.volume_m3().min(b.volume_m3());
             if inside && a.intersection_volume_m3(b) > SAME_PLACE_SHARE * smaller {
+                return true;
+            }
+            // Furniture does not stand on furniture of its name: it is torn into an upper and a lower piece.
+            let is_furniture = self.categories[item].is_some_and(|category| !category.graspable);
+            let aside_m = (a.center - b.center).xy().norm();
+            let over = aside_m < ASIDE_SHARE * a.size.xy().min().min(b.size.xy().min());
+            if is_furniture && over && !a.contains(&b.center, 0.0) && !b.contains(&a.center, 0.0) {
                 return true;
             }
         }

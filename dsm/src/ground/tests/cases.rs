@@ -352,6 +352,21 @@ fn a_glimpsed_double_is_no_rival() {
     assert_status(&ground(&map_of([table(), aside]), "the coffee table"), ambiguous, "elsewhere");
 }
 
+#[test]
+fn slices_and_torn_pieces_are_no_rivals() {
+    let mug = || thing(1, "mug", [0.8, -1.94, 0.5], [0.08, 0.08, 0.1]).seen(51);
+    let slice = thing(2, "mug", [0.81, -1.95, 0.53], [0.07, 0.07, 0.02]).seen(20);
+    assert_found(&ground(&map_of([mug(), slice]), "the mug"), 1, "a slice of it");
+    let back = || thing(1, "chair", [4.62, 3.3, 0.68], [0.42, 0.4, 0.4]).seen(28);
+    let seat = thing(2, "chair", [4.6, 3.32, 0.23], [0.45, 0.44, 0.46]).seen(19);
+    assert_found(&ground(&map_of([back(), seat]), "the chair"), 1, "its lower half");
+    let beside = thing(2, "chair", [4.62, 2.9, 0.4], [0.45, 0.44, 0.8]).seen(19);
+    let ambiguous = GroundingStatus::Ambiguous;
+    assert_status(&ground(&map_of([back(), beside]), "the chair"), ambiguous, "another one beside it");
+    let stacked = thing(2, "mug", [0.8, -1.94, 0.59], [0.08, 0.08, 0.1]).seen(20);
+    assert_status(&ground(&map_of([mug(), stacked]), "the mug"), ambiguous, "mugs may be stacked");
+}
+
 /// Where the thing that is meant is known to be there, people tell of it in clauses of any order.
 #[test]
 fn the_thing_that_is_meant_may_come_late() {
