@@ -20,7 +20,7 @@ mod statistics;
 pub use class_file::{LabelClass, LabelClasses};
 pub use expressions::{Expression, Meant, make_expressions};
 pub use labelled_cloud::{CloudError, LabelledCloud, LabelledPoint};
-pub use labeller::{AnsweredLabeller, EmbeddedLabeller, Labeller, LabellerError, Question, describe};
+pub use labeller::{AnsweredLabeller, EmbeddedLabeller, EncodedLabeller, Labeller, LabellerError, Question, describe};
 pub use matching::{Matching, Verdict, match_objects};
 pub use referring::{Answered, GroundingReport, answer_expressions, compare_answers, pool_answers};
 pub use scene::{SurfacePoint, TrueAttributes, TrueScene, TrueThing};

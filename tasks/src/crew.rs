@@ -5,12 +5,13 @@ use crate::assemble::knowledge;
 use crate::deferred::Waiting;
 use crate::error::TaskError;
 use crate::executor::Executor;
-use crate::language::{self, Language};
-use crate::perception::{Perception, Tape};
+use crate::language::{self, Language, Looks};
+use crate::late_sight::{LateSight, Moment, Pace};
+use crate::perception::{Perception, Sight, Tape};
 use crate::run::CELL_M;
 use crate::session::nav_config;
 use crate::skills::grasp::GraspSettings;
-use dsm::build::{BuildConfig, MapBuilder};
+use dsm::build::BuildConfig;
 use dsm::ground::GroundConfig;
 use dsm::map::Map;
 use dsm::perceive::Detector;
@@ -37,7 +38,7 @@ pub(crate) struct Gear {
     pub(crate) robot: Box<dyn Robot>,
     /// Its model.
     pub(crate) model: Arc<RobotModel>,
-    /// The detector.
+    /// The detector, where the backend has none of its own.
     pub(crate) detector: Box<dyn Detector>,
     /// Who reads words, verifies candidates and describes frames.
     pub(crate) language: Arc<dyn Language>,
@@ -63,10 +64,18 @@ impl Crew {
         let knowledge = knowledge()?;
         let config = AgentConfig { waiting, ..AgentConfig::default() };
         let map = Map::new(CELL_M);
-        let builder = MapBuilder::new(BuildConfig::default(), knowledge.clone());
+        let builder = language.builder(BuildConfig::default())?;
         let (annotator, latency) = (language.annotator(), config.mapping_latency);
+        let sight = match language.looks()? {
+            Some(Looks { detector, pace }) => {
+                // Hardware does not wait, whatever the file of models says.
+                let moment = if waiting == Waiting::Never { Moment::WhenReady } else { pace.moment };
+                Sight::Late(LateSight::start(detector, Pace { moment, ..pace }))
+            }
+            None => Sight::Prompt(detector),
+        };
         let perception =
-            Perception::start_annotated(detector, builder, annotator, map.clone(), tapes, latency).waiting(waiting);
+            Perception::start_annotated(sight, builder, annotator, map.clone(), tapes, latency).waiting(waiting);
         let grounder = Arc::new(language::grounder(&*language, GroundConfig::default())?);
         let nav = nav_config(&model);
         let grasping = GraspSettings::for_robot(&model);

@@ -1,13 +1,15 @@
-//! Who reads words, verifies candidates and describes frames: the embedded backend, or a language model.
+//! Who reads words, verifies candidates, describes frames, detects and encodes: the embedded backend, or models of a file.
 
 #[cfg(feature = "models")]
 mod plugged;
 
 use crate::assemble::knowledge;
 use crate::error::TaskError;
+use crate::late_sight::Pace;
+use dsm::build::{BuildConfig, MapBuilder};
 use dsm::eval::{EmbeddedLabeller, Labeller};
 use dsm::ground::{GroundConfig, Grounder};
-use dsm::perceive::Annotator;
+use dsm::perceive::{Annotator, Detector};
 use serde::Serialize;
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -32,8 +34,28 @@ pub trait Language: Debug + Send + Sync {
     /// Knowledge that cannot be read.
     fn labeller(&self) -> Result<Box<dyn Labeller>, TaskError>;
 
+    /// Who detects, where the backend does; `None` leaves it to what would detect without it. Opened anew each time.
+    ///
+    /// # Errors
+    /// Networks that cannot be used.
+    fn looks(&self) -> Result<Option<Looks>, TaskError>;
+
+    /// A map builder with the encoders of the backend.
+    ///
+    /// # Errors
+    /// Networks, or knowledge, that cannot be used.
+    fn builder(&self, config: BuildConfig) -> Result<MapBuilder, TaskError>;
+
     /// What it has cost so far; `None` when it costs nothing.
     fn cost(&self) -> Option<LanguageCost>;
+}
+
+/// A detector that takes its time.
+pub struct Looks {
+    /// The detector.
+    pub detector: Box<dyn Detector>,
+    /// How frames are taken up.
+    pub pace: Pace,
 }
 
 /// What a model has cost.
@@ -124,6 +146,14 @@ impl Language for Embedded {
 
     fn labeller(&self) -> Result<Box<dyn Labeller>, TaskError> {
         Ok(Box::new(EmbeddedLabeller::new(knowledge()?)))
+    }
+
+    fn looks(&self) -> Result<Option<Looks>, TaskError> {
+        Ok(None)
+    }
+
+    fn builder(&self, config: BuildConfig) -> Result<MapBuilder, TaskError> {
+        Ok(MapBuilder::new(config, knowledge()?))
     }
 
     fn cost(&self) -> Option<LanguageCost> {

@@ -29,6 +29,7 @@ pub mod joint_bounds;
 pub mod journal;
 pub mod judge;
 pub mod language;
+pub mod late_sight;
 mod light;
 pub mod map_server;
 pub mod mapping;

@@ -34,7 +34,9 @@ impl Mapping {
     pub fn observe(&mut self, frame: &RgbdFrame, detections: &Detections, carrier: &Carrier) -> Option<MapUpdate> {
         let late = self.annotator.as_mut().map(|annotator| annotator.find_answers(frame.stamp)).unwrap_or_default();
         let mut changes = self.annotate(&late);
-        let update = self.builder.observe(&self.map, frame, detections, carrier);
+        let mut update = self.builder.observe(&self.map, frame, detections, carrier);
+        // A frame whose detections came late does not make the map older.
+        update.stamp = update.stamp.max(self.map.stamp);
         let kept = (self.updates == Updates::Kept).then(|| {
             changes.extend(update.changes.iter().cloned());
             MapUpdate { stamp: update.stamp, changes }

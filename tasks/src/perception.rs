@@ -5,6 +5,7 @@
 
 use crate::deferred::Waiting;
 use crate::error::TaskError;
+use crate::late_sight::LateSight;
 use crate::mapping::{Mapping, Updates};
 use dsm::build::{Carrier, MapBuilder};
 use dsm::frame::RgbdFrame;
@@ -62,9 +63,17 @@ impl Tape for MapLog {
     }
 }
 
+/// Who detects.
+pub enum Sight {
+    /// A detector that is asked about every frame and keeps up with them.
+    Prompt(Box<dyn Detector>),
+    /// One that takes its time.
+    Late(LateSight),
+}
+
 /// What one frame taught.
 pub struct Learned {
-    /// The frame.
+    /// The frame; with a detector that takes its time, the latest one that it told of.
     pub frame: Arc<RgbdFrame>,
     /// What was detected in it.
     pub detections: Detections,
@@ -91,12 +100,12 @@ impl Perception {
         tapes: Vec<Box<dyn Tape>>,
         latency: Span,
     ) -> Self {
-        Self::start_annotated(detector, builder, None, map, tapes, latency)
+        Self::start_annotated(Sight::Prompt(detector), builder, None, map, tapes, latency)
     }
 
     /// As [`Self::start`]; `annotator` describes frames in its own time, and nothing waits for it but the end.
     pub fn start_annotated(
-        detector: Box<dyn Detector>,
+        sight: Sight,
         builder: MapBuilder,
         annotator: Option<Box<dyn Annotator>>,
         map: Map,
@@ -107,7 +116,7 @@ impl Perception {
         let (outbox, results) = channel();
         let updates = if tapes.is_empty() { Updates::Dropped } else { Updates::Kept };
         let mapping = Mapping::new(builder, annotator, map, updates);
-        let worker = std::thread::spawn(move || work(detector, mapping, tapes, &inbox, &outbox));
+        let worker = std::thread::spawn(move || work(sight, mapping, tapes, &inbox, &outbox));
         Self {
             jobs: Some(jobs),
             results,
@@ -168,39 +177,86 @@ impl Perception {
 }
 
 fn work(
-    mut detector: Box<dyn Detector>,
-    mut mapping: Mapping,
-    mut tapes: Vec<Box<dyn Tape>>,
+    mut sight: Sight,
+    mapping: Mapping,
+    tapes: Vec<Box<dyn Tape>>,
     inbox: &Receiver<Job>,
     outbox: &Sender<Result<Learned, StoreError>>,
 ) -> Result<(), StoreError> {
-    mapping.builder.credit_names_to(detector.name());
+    let detector = match &sight {
+        Sight::Prompt(detector) => detector.name().to_owned(),
+        Sight::Late(late) => late.name().to_owned(),
+    };
+    let mut worker = Worker { mapping, tapes, detector };
+    worker.mapping.builder.credit_names_to(&worker.detector);
     let mut last = None;
     while let Ok(job) = inbox.recv() {
-        let Job { frame, carrier } = job;
-        let detections = detector.detect(&frame);
-        let update = mapping.observe(&frame, &detections, &carrier);
-        if let Some(update) = &update {
-            let (frame, detections, associations) = (&*frame, &detections, mapping.builder.associations());
-            let (detector, map) = (detector.name(), &mapping.map);
-            let taped = Taped { frame, detections, detector, associations, carrier: &carrier, update, map };
-            if let Err(error) = tapes.iter_mut().try_for_each(|tape| tape.record(&taped)) {
-                let _ = outbox.send(Err(error));
-                return Ok(());
-            }
-        }
-        last = Some(frame.clone());
-        let learned = Learned { frame, detections, map: Arc::new(mapping.map.clone()) };
-        if outbox.send(Ok(learned)).is_err() {
+        last = Some(job.frame.clone());
+        let learned = worker.learn(&mut sight, job);
+        let broken = learned.is_err();
+        if outbox.send(learned).is_err() {
             break;
         }
+        if broken {
+            return Ok(());
+        }
     }
-    // What a model still has to say counts for the map that is kept.
-    if mapping.finish()
-        && let Some(frame) = last
-    {
+    // What a detector or a model still has to say counts for the map that is kept.
+    let mut changed = false;
+    if let Sight::Late(late) = &mut sight {
+        for seen in late.finish() {
+            worker.observe(&seen.frame, &seen.detections, &seen.carrier)?;
+            changed = true;
+        }
+    }
+    changed |= worker.mapping.finish();
+    if changed && let Some(frame) = last {
         let detections = Detections { frame: frame.id, items: Vec::new() };
-        let _ = outbox.send(Ok(Learned { frame, detections, map: Arc::new(mapping.map.clone()) }));
+        let _ = outbox.send(Ok(worker.learned(frame, detections)));
     }
-    tapes.into_iter().try_for_each(|tape| tape.finish(&mapping.map))
+    worker.tapes.into_iter().try_for_each(|tape| tape.finish(&worker.mapping.map))
+}
+
+/// The map under construction, and who keeps what it is made of.
+struct Worker {
+    mapping: Mapping,
+    tapes: Vec<Box<dyn Tape>>,
+    detector: String,
+}
+
+impl Worker {
+    /// Learns from a frame, and from earlier ones whose detections have come.
+    fn learn(&mut self, sight: &mut Sight, job: Job) -> Result<Learned, StoreError> {
+        let Job { frame, carrier } = job;
+        let late = match sight {
+            Sight::Prompt(detector) => {
+                let detections = detector.detect(&frame);
+                self.observe(&frame, &detections, &carrier)?;
+                return Ok(self.learned(frame, detections));
+            }
+            Sight::Late(late) => late,
+        };
+        let mut told = None;
+        for seen in late.find_seen(frame.stamp) {
+            self.observe(&seen.frame, &seen.detections, &seen.carrier)?;
+            told = Some((seen.frame, seen.detections));
+        }
+        let nothing = Detections { frame: frame.id, items: Vec::new() };
+        if !late.take_up(&frame, &carrier) {
+            self.observe(&frame, &nothing, &carrier)?;
+        }
+        let (frame, detections) = told.unwrap_or((frame, nothing));
+        Ok(self.learned(frame, detections))
+    }
+
+    fn observe(&mut self, frame: &RgbdFrame, detections: &Detections, carrier: &Carrier) -> Result<(), StoreError> {
+        let Some(update) = self.mapping.observe(frame, detections, carrier) else { return Ok(()) };
+        let (associations, map) = (self.mapping.builder.associations(), &self.mapping.map);
+        let taped = Taped { frame, detections, detector: &self.detector, associations, carrier, update: &update, map };
+        self.tapes.iter_mut().try_for_each(|tape| tape.record(&taped))
+    }
+
+    fn learned(&self, frame: Arc<RgbdFrame>, detections: Detections) -> Learned {
+        Learned { frame, detections, map: Arc::new(self.mapping.map.clone()) }
+    }
 }

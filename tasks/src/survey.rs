@@ -111,17 +111,17 @@ pub fn score_drive(spec: &RunSpec, moments: &[Moment], conditions: &[Condition])
     Ok(pairs.par_iter().map(score).collect())
 }
 
-/// A drive that is seen again, by the simulated detector or in pixels alone.
+/// A drive that is seen again, by the simulated detector or by one that sees pixels alone.
 struct Watcher {
     replay: Replay,
-    pixels: Option<(PixelSegmenter, MaskScore)>,
+    pixels: Option<(Box<dyn Detector>, MaskScore)>,
 }
 
 impl Watcher {
     fn show(&mut self, moment: &Moment) -> Shown {
         let mut shown = self.replay.show(moment);
-        if let Some((segmenter, masks)) = &mut self.pixels {
-            shown.detections = segmenter.detect(&shown.frame);
+        if let Some((detector, masks)) = &mut self.pixels {
+            shown.detections = detector.detect(&shown.frame);
             self.replay.count_masks(&shown.detections, masks);
         }
         shown
@@ -143,16 +143,20 @@ fn map_and_count(
     moments: &[Moment],
     conditions: &[Condition],
 ) -> Result<(Vec<Map>, TrueScene, Option<MaskScore>), TaskError> {
-    let knowledge = knowledge()?;
-    let pixels = sees_pixels_alone(spec).then(Default::default);
+    // Nobody waits here: a detector of a backend is asked about every frame.
+    let detector = match spec.language.looks()? {
+        Some(looks) => Some(looks.detector),
+        None => sees_pixels_alone(spec).then(|| Box::new(PixelSegmenter) as Box<dyn Detector>),
+    };
+    let pixels = detector.map(|detector| (detector, MaskScore::default()));
     let mut watcher = Watcher { replay: replay(spec)?, pixels };
     let radius_m = watcher.replay.robot().settings.base.footprint_radius_m;
-    let mapping = |condition: &Condition| {
-        let builder = MapBuilder::new(condition.build.clone(), knowledge.clone());
-        Mapping::new(builder, spec.language.annotator(), Map::new(CELL_M), Updates::Dropped)
-    };
-    let mut trials: Vec<Trial<'_>> =
-        conditions.iter().map(|condition| Trial { condition, mapping: mapping(condition) }).collect();
+    let mut trials: Vec<Trial<'_>> = Vec::with_capacity(conditions.len());
+    for condition in conditions {
+        let builder = spec.language.builder(condition.build.clone())?;
+        let mapping = Mapping::new(builder, spec.language.annotator(), Map::new(CELL_M), Updates::Dropped);
+        trials.push(Trial { condition, mapping });
+    }
     let mut wander = PoseWander::new(spec.seed);
     let mut next = moments.first().map(|moment| watcher.show(moment));
     for (index, moment) in moments.iter().enumerate() {

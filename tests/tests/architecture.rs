@@ -110,6 +110,8 @@ fn foreign_libraries_stay_behind_their_fences() {
         find(&sources, &["ureq", "reqwest", "ort", "rten"], within("dsm/models/")),
         "models only in dsm/models",
     );
+    let networks = ["rten", "rten_tensor", "tokenizers", "fast_image_resize"];
+    assert_none(find(&sources, &networks, within("dsm/models/src/onnx")), "networks run in one folder");
     let client = find(&sources, &["ureq"], |path| path == "dsm/models/src/http.rs");
     assert_none(client, "the HTTP client stands in one file");
     assert_none(find(&sources, &["ros2_client", "rustdds"], within("robot/ros2/")), "ROS 2 only in robot/ros2");

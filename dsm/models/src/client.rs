@@ -382,21 +382,23 @@ impl Client {
     }
 }
 
-/// Opens the client of a file of models, with the key from the environment.
+/// Opens the client of a file of models, with the key from the environment; `None` when the file has no language model.
 ///
 /// # Errors
 /// A file that cannot be used, a key that is not set, a record that cannot be opened.
-pub fn open_client(file: &Path) -> Result<Arc<Client>, crate::OpenError> {
-    open_with(crate::settings::ModelSettings::load(file)?.language, file)
+pub fn open_client(file: &Path) -> Result<Option<Arc<Client>>, crate::OpenError> {
+    let language = crate::settings::ModelSettings::load(file)?.language;
+    language.map(|settings| open_with(settings, file)).transpose()
 }
 
 /// As [`open_client`], without the cache: what was answered once says nothing of the server as it is.
 ///
 /// # Errors
 /// As [`open_client`].
-pub fn open_afresh(file: &Path) -> Result<Arc<Client>, crate::OpenError> {
-    let settings = crate::settings::ModelSettings::load(file)?.language;
-    open_with(LanguageSettings { cache: None, answers: Answers::Live, ..settings }, file)
+pub fn open_afresh(file: &Path) -> Result<Option<Arc<Client>>, crate::OpenError> {
+    let language = crate::settings::ModelSettings::load(file)?.language;
+    let afresh = |settings| LanguageSettings { cache: None, answers: Answers::Live, ..settings };
+    language.map(|settings| open_with(afresh(settings), file)).transpose()
 }
 
 fn open_with(settings: LanguageSettings, file: &Path) -> Result<Arc<Client>, crate::OpenError> {

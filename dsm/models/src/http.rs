@@ -103,6 +103,30 @@ impl Transport for Server {
     }
 }
 
+/// Longest file that is fetched, bytes.
+const MAX_FILE_BYTES: u64 = 8 << 30;
+/// Making a connection for a file, and the silence within one that is waited for, seconds.
+const FILE_PATIENCE: Duration = Duration::from_secs(60);
+
+/// Writes what an address gives to `out`, following its redirects.
+///
+/// # Errors
+/// The network's, the server's or the file's words.
+pub(crate) fn download(address: &str, out: &mut impl std::io::Write) -> Result<(), String> {
+    let mut config = Config::builder()
+        .user_agent("dsm")
+        .timeout_connect(Some(FILE_PATIENCE))
+        .timeout_recv_response(Some(FILE_PATIENCE));
+    if is_this_machine(address) {
+        config = config.proxy(None);
+    }
+    let agent: Agent = config.build().into();
+    let mut response = agent.get(address).call().map_err(|error| shortened(&error.to_string(), 200))?;
+    let mut reader = response.body_mut().with_config().limit(MAX_FILE_BYTES).reader();
+    let written = std::io::copy(&mut reader, out).map_err(|error| shortened(&error.to_string(), 200))?;
+    if written == 0 { Err("the file is empty".to_owned()) } else { Ok(()) }
+}
+
 fn meaning(error: Error, limit_s: f64) -> ModelError {
     match error {
         Error::Timeout(_) => ModelError::TimedOut { limit_s },

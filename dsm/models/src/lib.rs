@@ -43,9 +43,13 @@ mod cache;
 mod check;
 mod client;
 mod error;
+mod fetch;
 mod http;
 mod labels;
 mod marks;
+mod networks;
+#[cfg(feature = "onnx")]
+pub mod onnx;
 mod parse;
 mod picture;
 mod places;
@@ -67,9 +71,14 @@ pub use budget::Spent;
 pub use check::{Check, Checked, check};
 pub use client::{Client, open_afresh, open_client};
 pub use error::ModelError;
+pub use fetch::{FetchError, Fetched, fetch, find_file};
 pub use http::{Reply, Transport};
 pub use labels::LanguageLabeller;
 pub use marks::draw_mark;
+pub use networks::{
+    DetectorSettings, NetworkFile, Pace, SegmenterSettings, SightSettings, TextKind, TextSettings, VisualKind,
+    VisualSettings,
+};
 pub use parse::LanguageReader;
 pub use picture::{Canvas, Picture};
 pub use score::LanguageScorer;

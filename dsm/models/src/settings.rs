@@ -1,5 +1,6 @@
 //! `models.toml`: which server and model answers, within which limits. Every key is checked when the file is loaded.
 
+use crate::networks::{DetectorSettings, NetworkFile, SegmenterSettings, SightSettings, TextSettings, VisualSettings};
 use crate::wall::read_key;
 use dsm::config::{ConfigError, read_toml};
 use schemars::JsonSchema;
@@ -14,8 +15,24 @@ pub struct ModelSettings {
     /// Version of the format: 1.
     #[schemars(range(min = 1, max = 1))]
     pub version: u32,
-    /// The language or vision-language model.
-    pub language: LanguageSettings,
+    /// The language or vision-language model. Default: the embedded backend speaks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub language: Option<LanguageSettings>,
+    /// Finds things by their names. Default: what would detect without a file of models.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detector: Option<DetectorSettings>,
+    /// Cuts out what lies in a box. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub segmenter: Option<SegmenterSettings>,
+    /// Visual features of things. Default: the embedded encoder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub visual: Option<VisualSettings>,
+    /// Text features of names. Default: the embedded encoder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub text: Option<TextSettings>,
+    /// How frames are taken up by a detector or segmenter that is slow.
+    #[serde(default)]
+    pub sight: SightSettings,
 }
 
 /// A model behind an OpenAI-compatible server, and the limits within which it is asked.
@@ -258,7 +275,7 @@ pub enum SettingsError {
         variable: String,
     },
     /// A value that no range tells.
-    #[error("{}: language.{key} is `{value}`; expected {expected}", file.display())]
+    #[error("{}: {key} is `{value}`; expected {expected}", file.display())]
     Value {
         /// The file.
         file: PathBuf,
@@ -278,12 +295,73 @@ impl ModelSettings {
     /// A file that cannot be read, an unknown key, a value outside its range.
     pub fn load(file: &Path) -> Result<Self, SettingsError> {
         let mut settings: Self = read_toml(file)?;
-        settings.language.check(file)?;
         let folder = file.parent().unwrap_or(Path::new("."));
-        for path in [&mut settings.language.cache, &mut settings.language.record].into_iter().flatten() {
-            *path = folder.join(&*path);
+        if let Some(language) = &mut settings.language {
+            language.check(file)?;
+            for path in [&mut language.cache, &mut language.record].into_iter().flatten() {
+                *path = folder.join(&*path);
+            }
         }
+        for (key, network) in settings.files_mut() {
+            network.check(file, key)?;
+            network.file = folder.join(&network.file);
+        }
+        settings.check_parts(file)?;
         Ok(settings)
+    }
+
+    /// Every file of a network, with the key under which it stands.
+    pub fn files(&self) -> Vec<(&'static str, NetworkFile)> {
+        let mut copy = self.clone();
+        copy.files_mut().into_iter().map(|(key, file)| (key, file.clone())).collect()
+    }
+
+    /// Whether a network is asked for.
+    pub fn has_networks(&self) -> bool {
+        self.detector.is_some() || self.segmenter.is_some() || self.visual.is_some() || self.text.is_some()
+    }
+
+    fn files_mut(&mut self) -> Vec<(&'static str, &mut NetworkFile)> {
+        let mut files = Vec::new();
+        if let Some(detector) = &mut self.detector {
+            files.push(("detector.network", &mut detector.network));
+            files.push(("detector.text", &mut detector.text));
+            files.push(("detector.tokenizer", &mut detector.tokenizer));
+        }
+        if let Some(segmenter) = &mut self.segmenter {
+            files.push(("segmenter.encoder", &mut segmenter.encoder));
+            files.push(("segmenter.decoder", &mut segmenter.decoder));
+        }
+        if let Some(visual) = &mut self.visual {
+            files.push(("visual.network", &mut visual.network));
+        }
+        if let Some(text) = &mut self.text {
+            files.push(("text.network", &mut text.network));
+            files.push(("text.tokenizer", &mut text.tokenizer));
+        }
+        files
+    }
+
+    /// What no range tells: parts that need each other.
+    fn check_parts(&self, file: &Path) -> Result<(), SettingsError> {
+        let wrong = |key: &'static str, value: &str, expected: &'static str| {
+            Err(SettingsError::Value { file: file.to_owned(), key, value: value.to_owned(), expected })
+        };
+        if self.language.is_none() && !self.has_networks() {
+            return wrong("language", "missing", "[language], [detector], [segmenter], [visual] or [text]");
+        }
+        if self.detector.is_some() && self.segmenter.is_none() {
+            return wrong(
+                "segmenter",
+                "missing",
+                "[segmenter] beside [detector]: a detector gives boxes, a map needs masks",
+            );
+        }
+        let words = self.detector.iter().flat_map(|detector| &detector.vocabulary);
+        match words.clone().find(|word| word.trim().is_empty() || word.len() > 80) {
+            Some(word) => wrong("detector.vocabulary", word, "names of one to 80 bytes"),
+            None => Ok(()),
+        }
     }
 }
 
@@ -347,18 +425,18 @@ impl LanguageSettings {
         let host = self.url.strip_prefix("http://").or_else(|| self.url.strip_prefix("https://"));
         let plain = |c: char| c.is_ascii_graphic();
         if host.is_none_or(|host| host.is_empty() || host.starts_with('/') || host.contains('@')) {
-            return wrong("url", &self.url, "http:// or https:// with a host and no user name");
+            return wrong("language.url", &self.url, "http:// or https:// with a host and no user name");
         }
         if !self.url.chars().all(plain) {
-            return wrong("url", &self.url, "printable ASCII without spaces");
+            return wrong("language.url", &self.url, "printable ASCII without spaces");
         }
         if self.model.trim().is_empty() || self.model.len() > 200 {
-            return wrong("model", &self.model, "the name of a model, at most 200 bytes");
+            return wrong("language.model", &self.model, "the name of a model, at most 200 bytes");
         }
         let name = |c: char| c.is_ascii_alphanumeric() || c == '_';
         match &self.key_env {
             Some(variable) if variable.is_empty() || !variable.chars().all(name) => {
-                wrong("key_env", "(hidden)", "the name of an environment variable, not a key")
+                wrong("language.key_env", "(hidden)", "the name of an environment variable, not a key")
             }
             _ => Ok(()),
         }

@@ -6,7 +6,7 @@ use crate::error::ModelError;
 use crate::picture::Canvas;
 use crate::question::Question;
 use crate::schema::schema_of;
-use crate::settings::Use;
+use crate::settings::{Answers, Use};
 use dsm::knowledge::Knowledge;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -27,11 +27,21 @@ struct Tags {
 /// # Errors
 /// [`ModelError`] when the model gives no answer that can be used.
 pub fn list_tags(client: &Client, knowledge: &Knowledge, canvas: &Canvas) -> Result<Vec<String>, ModelError> {
+    list_tags_from(client, client.settings().answers, knowledge, canvas)
+}
+
+/// As [`list_tags`], from where is said.
+pub(crate) fn list_tags_from(
+    client: &Client,
+    answers: Answers,
+    knowledge: &Knowledge,
+    canvas: &Canvas,
+) -> Result<Vec<String>, ModelError> {
     let question = Question {
         pictures: canvas.encode().into_iter().collect(),
         ..Question::of_words(Use::Tags, include_str!("prompts/tags.txt"), json!({}), schema_of::<Tags>(&[]))
     };
-    client.ask(&question, |Tags { things }| {
+    client.ask_from(answers, &question, |Tags { things }| {
         if things.len() > MAX_TAGS {
             return Err(format!("there are more than {MAX_TAGS} things"));
         }

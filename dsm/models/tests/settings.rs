@@ -22,9 +22,9 @@ fn the_files_that_ship_are_valid() {
     let files: Vec<&PathBuf> = files.iter().filter(|file| file.extension().is_some_and(|e| e == "toml")).collect();
     assert!(files.len() >= 3, "{files:?}");
     for file in files {
-        let settings = ModelSettings::load(file).unwrap().language;
+        let settings = ModelSettings::load(file).unwrap();
         assert!(
-            settings.cache.is_none_or(|cache| cache.starts_with(&folder)),
+            settings.language.and_then(|language| language.cache).is_none_or(|cache| cache.starts_with(&folder)),
             "paths are taken from the file's folder"
         );
     }
@@ -32,7 +32,7 @@ fn the_files_that_ship_are_valid() {
 
 #[test]
 fn what_is_wrong_is_told_with_its_place() {
-    assert_eq!(load(GOOD).unwrap().language, LanguageSettings::new("http://127.0.0.1:8080/v1", "m"));
+    assert_eq!(load(GOOD).unwrap().language, Some(LanguageSettings::new("http://127.0.0.1:8080/v1", "m")));
     for (line, fragments) in [
         ("timout_s = 3", ["models.toml:5", "did you mean `timeout_s`?"]),
         ("timeout_s = 0", ["models.toml:5", ">= 0.05"]),

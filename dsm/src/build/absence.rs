@@ -46,7 +46,8 @@ pub(super) fn remove_absent(
     for id in asked {
         let Some(track) = tracks.find(id) else { continue };
         let Some(object) = draft.find(id) else { continue };
-        if object.last_seen == frame.stamp {
+        // What was seen later than this frame is there, whatever the frame shows.
+        if object.last_seen >= frame.stamp {
             continue;
         }
         let in_range = {

@@ -101,7 +101,8 @@ impl Drift {
     /// Goes on to the time of a frame.
     pub(super) fn advance(&mut self, stamp: Stamp) {
         let dt_s = self.stamp.map_or(f64::INFINITY, |last| (stamp - last).as_s().max(0.0));
-        self.stamp = Some(stamp);
+        // A frame whose detections came late lies before others that were seen without any.
+        self.stamp = Some(self.stamp.map_or(stamp, |last| last.max(stamp)));
         self.step_s = dt_s;
         let kept = (-dt_s / FORGETS_S).exp();
         self.mean.rows_mut(0, 3).scale_mut(kept);

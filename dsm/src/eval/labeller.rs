@@ -97,13 +97,7 @@ impl EmbeddedLabeller {
     }
 
     pub(super) fn find_closest(&mut self, object: &MapObject, classes: &[&str]) -> usize {
-        if self.features.0 != classes {
-            let features = classes.iter().map(|class| self.encoder.encode(class)).collect();
-            self.features = (classes.iter().map(|&class| class.to_owned()).collect(), features);
-        }
-        let tag = self.encoder.encode(object.name());
-        let likeness = self.features.1.iter().map(|feature| cosine(feature, &tag));
-        likeness.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(label, _)| label)
+        find_closest(&self.encoder, &mut self.features, object, classes)
     }
 }
 
@@ -115,6 +109,47 @@ impl Labeller for EmbeddedLabeller {
     fn choose(&mut self, object: &MapObject, _sentence: &str, classes: &[&str]) -> Result<usize, LabellerError> {
         Ok(self.find_closest(object, classes))
     }
+}
+
+/// The class whose text feature is closest to that of the object's tag, by any text encoder.
+pub struct EncodedLabeller {
+    name: String,
+    encoder: Box<dyn TextEncoder>,
+    /// Features of the classes that were asked for last.
+    features: (Vec<String>, Vec<Vec<f32>>),
+}
+
+impl EncodedLabeller {
+    /// A labeller that goes by this name in reports.
+    pub fn new(name: &str, encoder: Box<dyn TextEncoder>) -> Self {
+        Self { name: name.to_owned(), encoder, features: Default::default() }
+    }
+}
+
+impl Labeller for EncodedLabeller {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn choose(&mut self, object: &MapObject, _sentence: &str, classes: &[&str]) -> Result<usize, LabellerError> {
+        Ok(find_closest(&*self.encoder, &mut self.features, object, classes))
+    }
+}
+
+/// The place of the class that is closest to the tag of the object; `features` are those of the classes of the last time.
+fn find_closest(
+    encoder: &dyn TextEncoder,
+    features: &mut (Vec<String>, Vec<Vec<f32>>),
+    object: &MapObject,
+    classes: &[&str],
+) -> usize {
+    if features.0 != classes {
+        let all = classes.iter().map(|class| encoder.encode(class)).collect();
+        *features = (classes.iter().map(|&class| class.to_owned()).collect(), all);
+    }
+    let tag = encoder.encode(object.name());
+    let likeness = features.1.iter().map(|feature| cosine(feature, &tag));
+    likeness.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(label, _)| label)
 }
 
 /// What a language backend is asked about one object.

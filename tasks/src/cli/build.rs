@@ -3,18 +3,19 @@
 use super::output::check_file;
 use super::run::{BarProgress, catch_interrupt, progress_bar, set_threads};
 use super::{Output, ResultArgs};
-use crate::assemble::knowledge;
 use crate::error::TaskError;
 use crate::language::{EMBEDDED, find_language};
+use crate::late_sight::{LateSight, Moment, Pace, Seen};
 use crate::mapping::{Mapping, Updates};
 use crate::run::{CELL_M, Progress};
 use crate::sequence::{Layout, Options, Sequence};
-use dsm::build::{BuildConfig, MapBuilder};
+use dsm::build::BuildConfig;
 use dsm::map::Map;
-use dsm::perceive::{Detector, PixelSegmenter};
+use dsm::perceive::{Detections, Detector, PixelSegmenter};
 use dsm::store::save_map;
 use serde::Serialize;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 /// Arguments of `dsm build`.
@@ -28,7 +29,8 @@ pub struct BuildArgs {
     /// The sequence's layout; told from its files when left out.
     #[arg(long)]
     layout: Option<Layout>,
-    /// Where detections come from; recorded ones (detections.jsonl) when there are any.
+    /// Where detections come from; those of the backend, if it detects, else recorded ones (detections.jsonl), if there are
+    /// any.
     #[arg(long)]
     detections: Option<Source>,
     /// Focal lengths and principal point in pixels, where the layout does not tell.
@@ -40,7 +42,7 @@ pub struct BuildArgs {
     /// Use one frame in so many.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     stride: u32,
-    /// Who describes frames: `embedded`, or a file of models, which needs the feature `models`.
+    /// Who describes frames, and with networks who detects and encodes: `embedded`, or a file of models, which needs the feature `models`.
     #[arg(long, value_name = "embedded|FILE", default_value = EMBEDDED)]
     backend: String,
     /// Worker threads; never changes a result.
@@ -58,6 +60,8 @@ pub(super) enum Source {
     Recorded,
     /// The embedded segmenter, in pixels alone, without names.
     Pixels,
+    /// The detector, or the segmenter, of `--backend`.
+    Backend,
 }
 
 #[derive(Serialize)]
@@ -79,7 +83,21 @@ pub(super) fn run(args: BuildArgs) -> anyhow::Result<u8> {
     if sequence.is_empty() {
         return Err(TaskError::Usage(format!("{folder}: the sequence has no frame with colour, depth and pose")).into());
     }
+    let language = find_language(&args.backend)?;
+    // There is no robot to wait for: what a frame shows is taken in at its declared moment.
+    let mut late = match args.detections {
+        None | Some(Source::Backend) => language
+            .looks()?
+            .map(|looks| LateSight::start(looks.detector, Pace { moment: Moment::Declared, ..looks.pace })),
+        Some(_) => None,
+    };
     let source = match args.detections {
+        Some(Source::Backend) | None if late.is_some() => Source::Backend,
+        Some(Source::Backend) => {
+            return Err(
+                TaskError::Usage(format!("--backend {}: it has neither detector nor segmenter", args.backend)).into()
+            );
+        }
         Some(Source::Recorded) if !sequence.has_detections() => {
             return Err(TaskError::Usage(format!("{folder}: no detections.jsonl; use --detections pixels")).into());
         }
@@ -88,9 +106,8 @@ pub(super) fn run(args: BuildArgs) -> anyhow::Result<u8> {
         None => Source::Pixels,
     };
     check_file(&args.out)?;
-    let language = find_language(&args.backend)?;
     let interrupted = catch_interrupt()?;
-    let builder = MapBuilder::new(BuildConfig::default(), knowledge()?);
+    let builder = language.builder(BuildConfig::default())?;
     let mut mapping = Mapping::new(builder, language.annotator(), Map::new(CELL_M), Updates::Dropped);
     let mut segmenter = PixelSegmenter;
     let bar = progress_bar(sequence.len() as f64);
@@ -101,6 +118,17 @@ pub(super) fn run(args: BuildArgs) -> anyhow::Result<u8> {
             break;
         }
         let seen = sequence.read(index)?;
+        if let Some(late) = &mut late {
+            mapping.builder.credit_names_to(late.name());
+            let frame = Arc::new(seen.frame);
+            detections += take_in(&mut mapping, late.find_seen(frame.stamp));
+            if !late.take_up(&frame, &seen.carrier) {
+                mapping.observe(&frame, &Detections { frame: frame.id, items: Vec::new() }, &seen.carrier);
+            }
+            frames += 1;
+            progress.at(index as f64);
+            continue;
+        }
         let found = match (source, seen.detections) {
             (Source::Recorded, Some(recorded)) => {
                 mapping.builder.credit_names_to(&seen.detector);
@@ -116,6 +144,9 @@ pub(super) fn run(args: BuildArgs) -> anyhow::Result<u8> {
         progress.at(index as f64);
     }
     bar.finish_and_clear();
+    if let Some(late) = &mut late {
+        detections += take_in(&mut mapping, late.finish());
+    }
     mapping.finish();
     let map = mapping.map;
     // A sequence that breaks in the middle leaves no map, and the one that was there before.
@@ -129,6 +160,15 @@ pub(super) fn run(args: BuildArgs) -> anyhow::Result<u8> {
         )
     })?;
     Ok(if interrupted.load(Ordering::Relaxed) { 130 } else { 0 })
+}
+
+/// Takes in what earlier frames showed; gives the number of detections.
+fn take_in(mapping: &mut Mapping, seen: Vec<Seen>) -> usize {
+    let take = |one: Seen| {
+        mapping.observe(&one.frame, &one.detections, &one.carrier);
+        one.detections.items.len()
+    };
+    seen.into_iter().map(take).sum()
 }
 
 fn parse_camera(text: &str) -> Result<[f64; 4], String> {

@@ -1,21 +1,28 @@
-//! A language model behind a server, by a file of models.
+//! The models of a file: a language model behind a server, and networks that see and encode.
 
-use super::{Language, LanguageCost};
+#[cfg(feature = "onnx")]
+mod networks;
+
+use super::{Language, LanguageCost, Looks};
 use crate::assemble::knowledge;
 use crate::error::TaskError;
+use crate::language::embedded;
+use dsm::build::{BuildConfig, MapBuilder};
 use dsm::eval::Labeller;
 use dsm::ground::Grounder;
 use dsm::knowledge::Knowledge;
 use dsm::perceive::Annotator;
-use dsm_models::{Client, LanguageAnnotator, LanguageLabeller, OpenError, Use, open_client, plug_in};
+use dsm_models::{Client, LanguageAnnotator, LanguageLabeller, ModelSettings, OpenError, Use, open_client, plug_in};
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The model of a file.
+/// What a file of models asks for.
 pub(super) struct Plugged {
     file: String,
-    client: Arc<Client>,
+    #[cfg(feature = "onnx")]
+    settings: ModelSettings,
+    client: Option<Arc<Client>>,
     knowledge: Arc<Knowledge>,
 }
 
@@ -27,8 +34,23 @@ impl fmt::Debug for Plugged {
 
 impl Plugged {
     pub(super) fn open(file: &str) -> Result<Self, TaskError> {
-        let client = open_client(Path::new(file)).map_err(|error: OpenError| TaskError::Usage(error.to_string()))?;
-        Ok(Self { file: file.to_owned(), client, knowledge: knowledge()? })
+        let usage = |error: OpenError| TaskError::Usage(error.to_string());
+        let settings = ModelSettings::load(Path::new(file)).map_err(|error| usage(error.into()))?;
+        let client = open_client(Path::new(file)).map_err(usage)?;
+        #[cfg(not(feature = "onnx"))]
+        if settings.has_networks() {
+            return Err(TaskError::NotBuiltIn {
+                feature: format!("networks of `{file}`"),
+                hint: "build it with `cargo build --release --features onnx`".into(),
+            });
+        }
+        Ok(Self {
+            file: file.to_owned(),
+            #[cfg(feature = "onnx")]
+            settings,
+            client,
+            knowledge: knowledge()?,
+        })
     }
 }
 
@@ -38,25 +60,53 @@ impl Language for Plugged {
     }
 
     fn plug_into(&self, grounder: Grounder) -> Grounder {
-        plug_in(grounder, &self.client, &self.knowledge)
+        match &self.client {
+            Some(client) => plug_in(grounder, client, &self.knowledge),
+            None => grounder,
+        }
     }
 
     fn annotator(&self) -> Option<Box<dyn Annotator>> {
-        let serves = self.client.settings().serves(Use::Attributes);
-        serves.then(|| {
-            let annotator = LanguageAnnotator::new(self.client.clone(), self.knowledge.clone());
-            Box::new(annotator) as Box<dyn Annotator>
-        })
+        let client = self.client.as_ref().filter(|client| client.settings().serves(Use::Attributes))?;
+        Some(Box::new(LanguageAnnotator::new(client.clone(), self.knowledge.clone())))
     }
 
     fn labeller(&self) -> Result<Box<dyn Labeller>, TaskError> {
-        Ok(Box::new(LanguageLabeller::new(self.client.clone(), self.knowledge.clone())))
+        if let Some(client) = self.client.as_ref().filter(|client| client.settings().serves(Use::Labels)) {
+            return Ok(Box::new(LanguageLabeller::new(client.clone(), self.knowledge.clone())));
+        }
+        #[cfg(feature = "onnx")]
+        if let Some(labeller) = networks::labeller(&self.settings)? {
+            return Ok(labeller);
+        }
+        embedded().labeller()
+    }
+
+    #[cfg(feature = "onnx")]
+    fn looks(&self) -> Result<Option<Looks>, TaskError> {
+        networks::looks(&self.settings, self.client.clone(), &self.knowledge)
+    }
+
+    #[cfg(not(feature = "onnx"))]
+    fn looks(&self) -> Result<Option<Looks>, TaskError> {
+        Ok(None)
+    }
+
+    #[cfg(feature = "onnx")]
+    fn builder(&self, config: BuildConfig) -> Result<MapBuilder, TaskError> {
+        networks::builder(&self.settings, config, self.knowledge.clone())
+    }
+
+    #[cfg(not(feature = "onnx"))]
+    fn builder(&self, config: BuildConfig) -> Result<MapBuilder, TaskError> {
+        embedded().builder(config)
     }
 
     fn cost(&self) -> Option<LanguageCost> {
-        let spent = self.client.spent();
+        let client = self.client.as_ref()?;
+        let spent = client.spent();
         Some(LanguageCost {
-            model: self.client.settings().model.clone(),
+            model: client.settings().model.clone(),
             questions: spent.questions,
             cached: spent.cached,
             failed: spent.failed,
