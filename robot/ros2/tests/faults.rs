@@ -151,7 +151,10 @@ fn strike(number: u64, model: &Arc<RobotModel>) -> Result<(), Ros2Error> {
     let (served, until, breaks) = (model.clone(), UntilOver(over.clone()), fault.clone());
     let alone = matches!(fault.kind, FaultKind::WorldKilled | FaultKind::PartLost);
     let world = std::thread::spawn(move || {
-        let mut robot = Faulty::new(Kinematic::new(&served), vec![breaks], number);
+        let mut kinematic = Kinematic::new(&served);
+        let camera = &served.settings.camera[0];
+        kinematic.cameras.size = (camera.width, camera.height);
+        let mut robot = Faulty::new(kinematic, vec![breaks], number);
         let mut until = until;
         let mut server = Server::start(served, settings(domain), Weather::default()).unwrap();
         server.serve_steps(&mut robot, &mut Blind, &mut until).unwrap();

@@ -129,7 +129,8 @@ impl Server {
         Ok(())
     }
 
-    /// Serves the robot while its own clock runs, period by period, as fast as real time.
+    /// Serves the robot while its own clock runs, period by period, as fast as real time. It begins to run when somebody
+    /// follows it.
     ///
     /// # Errors
     /// [`ServeError`]: nothing can be published.
@@ -142,11 +143,14 @@ impl Server {
     ) -> Result<(), ServeError> {
         let length = Duration::from_nanos(period.0.unsigned_abs());
         let every = (1.0 / (self.settings.state_rate_hz * period.as_s())).round().max(1.0) as u64;
-        let (mut next, mut periods) = (self.begun.elapsed() + length, 0_u64);
+        let (mut next, mut periods, mut runs) = (self.begun.elapsed() + length, 0_u64, false);
         while host.goes_on(robot.clock().now(), self.silent()) {
             self.listen_until(robot, next, host)?;
-            let until = robot.clock().now() + period;
-            self.pass_time(robot, until);
+            runs |= self.link.is_heard(&self.mouth.clock);
+            if runs {
+                let until = robot.clock().now() + period;
+                self.pass_time(robot, until);
+            }
             periods += 1;
             if !self.dead && periods.is_multiple_of(every) {
                 self.tell(robot, detector)?;
