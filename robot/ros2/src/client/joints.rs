@@ -23,12 +23,15 @@ struct Measured {
     effort: Option<f64>,
 }
 
+/// Positions of joints by name.
+type Positions = Vec<(Arc<str>, f64)>;
+
 /// All joints that were heard of.
 #[derive(Debug, Default)]
 pub(super) struct Joints {
     newest: BTreeMap<Arc<str>, Measured>,
     /// Positions after each message.
-    history: VecDeque<(Stamp, Vec<(Arc<str>, f64)>)>,
+    history: VecDeque<(Stamp, Positions)>,
 }
 
 /// Whether something that was measured at `stamp` was overtaken by what is known.

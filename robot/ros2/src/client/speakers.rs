@@ -126,7 +126,7 @@ fn trajectory(velocities: &JointVelocities, positions: &[f64], ahead_s: f64) -> 
 
 /// What commands to the gripper go out by.
 pub(super) enum GripperSpeaker {
-    Topic(Speaker<GripperCommand>),
+    Topic(Box<Speaker<GripperCommand>>),
     Action(Box<Grips>),
 }
 
@@ -144,7 +144,7 @@ impl GripperSpeaker {
     ) -> Result<Self, Ros2Error> {
         let name = settings.gripper_command.clone();
         Ok(match settings.gripper_interface {
-            GripperInterface::Topic => Self::Topic(link.speak(&name, COMMANDS)?),
+            GripperInterface::Topic => Self::Topic(Box::new(link.speak(&name, COMMANDS)?)),
             GripperInterface::Action => {
                 let client = link.request(&name, "control_msgs", "GripperCommand")?;
                 Self::Action(Box::new(Grips { client, name, last: None }))

@@ -17,12 +17,12 @@ const STATES: Delivery = Delivery::Reliable { depth: 64 };
 /// A message of the robot; cameras by their place in the model.
 pub(super) enum Saying {
     Joints(JointState),
-    Odometry(Odometry),
-    Localisation(PoseWithCovarianceStamped),
+    Odometry(Box<Odometry>),
+    Localisation(Box<PoseWithCovarianceStamped>),
     Transforms(TFMessage),
     Color(usize, Image),
     Depth(usize, Image),
-    Info(usize, CameraInfo),
+    Info(usize, Box<CameraInfo>),
     CameraPose(usize, PoseStamped),
     Detections(MaskedDetections),
 }
@@ -103,12 +103,12 @@ impl Mouth {
     pub(super) fn say(&mut self, saying: Saying) -> Result<(), String> {
         match saying {
             Saying::Joints(message) => self.joints.say(message),
-            Saying::Odometry(message) => self.odometry.say(message),
-            Saying::Localisation(message) => self.localisation.say(message),
+            Saying::Odometry(message) => self.odometry.say(*message),
+            Saying::Localisation(message) => self.localisation.say(*message),
             Saying::Transforms(message) => self.transforms.say(message),
             Saying::Color(camera, message) => self.cameras[camera].color.say(message),
             Saying::Depth(camera, message) => self.cameras[camera].depth.say(message),
-            Saying::Info(camera, message) => self.cameras[camera].info.say(message),
+            Saying::Info(camera, message) => self.cameras[camera].info.say(*message),
             Saying::CameraPose(camera, message) => {
                 self.cameras[camera].pose.as_mut().map_or(Ok(()), |speaker| speaker.say(message))
             }

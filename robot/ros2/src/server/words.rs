@@ -72,17 +72,17 @@ pub(super) fn poses(robot: &mut dyn Robot, model: &RobotModel) -> Vec<Saying> {
             linear: Vector3 { x: velocity.forward_m_per_s, ..Vector3::default() },
             angular: Vector3 { z: velocity.turn_rad_per_s, ..Vector3::default() },
         };
-        saying.push(Saying::Odometry(Odometry {
+        saying.push(Saying::Odometry(Box::new(Odometry {
             header: Header::new(odom.stamp, ODOM_FRAME),
             child_frame_id: base_frame.clone(),
             pose: PoseWithCovariance { pose: (&odom.pose).into(), ..PoseWithCovariance::default() },
             twist: TwistWithCovariance { twist, ..TwistWithCovariance::default() },
-        }));
+        })));
     }
     if let Some(believed) = &believed {
         let pose = PoseWithCovariance { pose: (&believed.pose).into(), ..PoseWithCovariance::default() };
         let header = Header::new(believed.stamp, MAP_FRAME);
-        saying.push(Saying::Localisation(PoseWithCovarianceStamped { header, pose }));
+        saying.push(Saying::Localisation(Box::new(PoseWithCovarianceStamped { header, pose })));
     }
     if let (Some(odom), Some(believed)) = (odom, believed) {
         let transform = |stamp: Stamp, parent: &str, child: &str, pose: &dsm::Pose| TransformStamped {
@@ -172,7 +172,7 @@ pub(super) fn picture(camera: usize, frame: &RgbdFrame) -> [Saying; 4] {
     [
         Saying::Color(camera, color),
         Saying::Depth(camera, depth_image(frame, &image)),
-        Saying::Info(camera, camera_info(frame, header.clone())),
+        Saying::Info(camera, Box::new(camera_info(frame, header.clone()))),
         Saying::CameraPose(camera, pose),
     ]
 }
