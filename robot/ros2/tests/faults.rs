@@ -80,10 +80,13 @@ fn draw(number: u64, at_s: f64, rng: &mut ChaCha8Rng) -> Fault {
     Fault { part, by_s, by_m: rng.random_range(0.1..2.0), ..Fault::at(kind, at_s) }
 }
 
+/// Whether a cause is the right one.
+type Fits = fn(&Cause) -> bool;
+
 /// When braking begins at the latest, and why; `None` for what does no harm.
-fn answer_to(fault: &Fault) -> Option<(f64, fn(&Cause) -> bool)> {
+fn answer_to(fault: &Fault) -> Option<(f64, Fits)> {
     let camera_s = if fault.part == Some(FaultPart::Camera) { FRAME_S } else { 0.0 };
-    let (watchdog_s, cause): (f64, fn(&Cause) -> bool) = match fault.kind {
+    let (watchdog_s, cause): (f64, Fits) = match fault.kind {
         FaultKind::JointsNan => (0.0, |cause| matches!(cause, Cause::NotFinite { part: Part::Arm | Part::Head })),
         FaultKind::JointsJump => {
             (0.0, |cause| matches!(cause, Cause::MeasurementJump { part: Part::Arm | Part::Head }))
