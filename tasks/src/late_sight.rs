@@ -96,7 +96,7 @@ impl LateSight {
         if !due || self.frames >= self.pace.most_frames || self.held.len() >= self.pace.most_pending {
             return false;
         }
-        if !self.jobs.as_ref().is_some_and(|jobs| jobs.send(frame.clone()).is_ok()) {
+        if self.jobs.as_ref().is_none_or(|jobs| jobs.send(frame.clone()).is_err()) {
             return false;
         }
         self.frames += 1;

@@ -6,6 +6,7 @@
 # 1. every use in words, many questions at once, questions given up (the example `protocol`);
 # 2. an episode whose server is killed after its first answer and started again: the episode must succeed, with the
 #    embedded backend speaking while the server is away.
+# DSM_PROTOCOL and DSM_PROGRAM name programs that are built already (the example, and dsm with the feature models).
 # The first time it fetches and builds the server (fetch.sh). docs/models.md has a result. Exit code 1: not as promised.
 set -euo pipefail
 port=${1:-8741}
@@ -44,7 +45,7 @@ sys.exit(opener.open('http://127.0.0.1:$port/health', timeout=2).status != 200)"
 
 start() {
   "$folder/llama-server" -m "$folder/model.gguf" --host 127.0.0.1 --port "$port" --ctx-size 16384 --parallel 4 \
-    --threads 2 >>"$scratch/server.log" 2>&1 &
+    --threads "${DSM_THREADS:-2}" >>"$scratch/server.log" 2>&1 &
   server=$!
   until_done 600 is_ready
 }
@@ -70,14 +71,18 @@ cd "$root"
 start
 echo "server: $("$folder/llama-server" --version 2>&1 | head -n 1)"
 config "" >"$scratch/models.toml"
-cargo run --locked --release --quiet -p dsm-models --example protocol -- "$scratch/models.toml" 2
+if [ -n "${DSM_PROTOCOL:-}" ]; then
+  "$DSM_PROTOCOL" "$scratch/models.toml" 2
+else
+  cargo run --locked --release --quiet -p dsm-models --example protocol -- "$scratch/models.toml" 2
+fi
 
 # An episode of several commands, each with words to read. The server is away between two answers.
 rm -f "$scratch/record.jsonl"
 config $'connect_timeout_s = 1.0\nretries = 1\naway_after = 1\naway_s = 1.0' >"$scratch/models.toml"
-cargo build --locked --release --quiet --features models
 episode=$here/episode.toml
-program=${CARGO_TARGET_DIR:-target}/release/dsm
+program=${DSM_PROGRAM:-${CARGO_TARGET_DIR:-target}/release/dsm}
+[ -n "${DSM_PROGRAM:-}" ] || cargo build --locked --release --quiet --features models
 "$program" run "$episode" --backend "$scratch/models.toml" --out "$scratch/out" --json >"$scratch/summary.json" \
   2>"$scratch/run.log" &
 run=$!
