@@ -49,7 +49,7 @@ impl RecordSink for Keeper {
         self.1.push(frame.clone());
     }
     fn period(&mut self, period: Period) {
-        self.0.send((std::mem::take(&mut self.1), period)).unwrap();
+        self.0.send((std::mem::take(&mut self.1), period)).expect("somebody keeps it");
     }
 }
 
