@@ -63,7 +63,7 @@ pub(super) fn noun_scores(scene: &Scene<'_>, noun: &Noun, knowledge: &Knowledge)
             _ => true,
         };
         let own = if is_own { synonym } else { SYNONYM * size_fit(item, asked_category) };
-        scores.push(certain * own * quality / share);
+        scores.push(certain * own * piece_fit(item, asked_category) * quality / share);
     }
     // Where something bears the name itself, look-alikes and wider kinds step back.
     if scores.iter().any(|score| *score >= SYNONYM) {
@@ -81,6 +81,17 @@ fn size_fit(item: &Item<'_>, asked: Option<&Category>) -> f32 {
     let Some([_, largest]) = asked.and_then(|category| category.size_m) else { return 1.0 };
     let times = item.object.bounds.size.max() / largest;
     (TOLERANCE / times).clamp(LEAST, 1.0) as f32
+}
+
+/// What is left of a name that a glimpse gave to something far smaller than anything of that name: the end of a bathtub is
+/// no bed. What is seen well may be small.
+fn piece_fit(item: &Item<'_>, asked: Option<&Category>) -> f32 {
+    const GLIMPSES: u32 = 8;
+    const SMALL_SHARE: f64 = 0.8;
+    const LEFT: f32 = 0.7;
+    let Some([smallest, _]) = asked.and_then(|category| category.size_m) else { return 1.0 };
+    let is_small = item.object.bounds.size.max() < SMALL_SHARE * smallest;
+    if is_small && item.object.observations < GLIMPSES { LEFT } else { 1.0 }
 }
 
 /// As [`noun_scores`], where names are certain: the very word first, then its plural or joined spelling, then a name

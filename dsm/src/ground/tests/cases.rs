@@ -353,6 +353,17 @@ fn a_glimpsed_double_is_no_rival() {
 }
 
 #[test]
+fn a_glimpsed_piece_far_too_small_for_its_name_is_no_rival() {
+    let bed = || thing(1, "bed", [4.0, -2.5, 0.47], [1.34, 1.84, 0.93]).seen(83);
+    let end = |size| thing(2, "bed", [-4.3, 0.8, 0.3], size);
+    assert_found(&ground(&map_of([bed(), end([1.2, 0.03, 0.49]).seen(4)]), "the bed"), 1, "the end of a bathtub");
+    let ambiguous = GroundingStatus::Ambiguous;
+    assert_status(&ground(&map_of([bed(), end([1.2, 0.03, 0.49]).seen(40)]), "the bed"), ambiguous, "well seen");
+    assert_status(&ground(&map_of([bed(), end([1.9, 0.9, 0.5]).seen(4)]), "the bed"), ambiguous, "large enough");
+    assert_found(&ground(&map_of([end([1.2, 0.03, 0.49]).seen(4)]), "the bed"), 2, "the only one");
+}
+
+#[test]
 fn slices_and_torn_pieces_are_no_rivals() {
     let mug = || thing(1, "mug", [0.8, -1.94, 0.5], [0.08, 0.08, 0.1]).seen(51);
     let slice = thing(2, "mug", [0.81, -1.95, 0.53], [0.07, 0.07, 0.02]).seen(20);
