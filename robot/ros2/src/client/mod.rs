@@ -181,15 +181,23 @@ impl Core {
         for (name, velocity) in velocities.iter() {
             finite(velocity, &format!("velocity of {name}"))?;
         }
+        let limits = match group {
+            Which::Arm => &self.model.arm.limits,
+            Which::Head => &self.model.head.limits,
+        };
+        let within = velocities.values().iter().zip(limits).map(|(v, limit)| v.clamp(-limit.velocity, limit.velocity));
+        let within: Vec<f64> = within.collect();
         let ahead_s = self.settings.trajectory_ahead_s;
         let positions = self.inbox.joints.state_of(self.group_names(group))?.positions;
         let speaker = match group {
             Which::Arm => &mut self.arm,
             Which::Head => &mut self.head,
         };
-        let said = speaker.say(self.clock.now(), velocities, positions.values(), ahead_s);
+        let mut sent = velocities.clone();
+        sent.values_mut().copy_from_slice(&within);
+        let said = speaker.say(self.clock.now(), &sent, positions.values(), ahead_s);
         said.map_err(|reason| lost(group.name(), reason))?;
-        Ok(velocities.clone())
+        Ok(sent)
     }
 
     /// Says the lines of the log that came up.
@@ -256,14 +264,16 @@ impl Which {
 impl Base for Core {
     fn command(&mut self, twist: Twist) -> Result<Twist, DriverError> {
         self.check_stopped()?;
-        let forward = finite(twist.forward_m_per_s, "the base's speed")?;
-        let turn = finite(twist.turn_rad_per_s, "the base's turning rate")?;
+        let (speed, rate) =
+            (self.model.settings.base.max_speed_m_per_s, self.model.settings.base.max_turn_rate_rad_per_s);
+        let forward = finite(twist.forward_m_per_s, "the base's speed")?.clamp(-speed, speed);
+        let turn = finite(twist.turn_rad_per_s, "the base's turning rate")?.clamp(-rate, rate);
         let header = Header::new(self.clock.on_the_wire(), &self.model.settings.base.link);
         let linear = Vector3 { x: forward, ..Vector3::default() };
         let angular = Vector3 { z: turn, ..Vector3::default() };
         let said = self.base.say(TwistStamped { header, twist: RosTwist { linear, angular } });
         said.map_err(|reason| lost("base", reason))?;
-        Ok(twist)
+        Ok(Twist { forward_m_per_s: forward, turn_rad_per_s: turn })
     }
 
     fn velocity(&mut self) -> Result<Twist, DriverError> {

@@ -19,6 +19,7 @@ type Follow = ActionClient<FollowJointTrajectoryGoal, FollowJointTrajectoryResul
 type Grip = ActionClient<GripperCommandGoal, GripperCommandResult, GripperCommandResult>;
 
 /// What commands to joints go out by.
+#[allow(clippy::large_enum_variant, reason = "there are two")]
 pub(super) enum JointSpeaker {
     Velocities(Speaker<Float64MultiArray>),
     Trajectory(Speaker<JointTrajectory>),
@@ -125,6 +126,7 @@ fn trajectory(velocities: &JointVelocities, positions: &[f64], ahead_s: f64) -> 
 }
 
 /// What commands to the gripper go out by.
+#[allow(clippy::large_enum_variant, reason = "there is one")]
 pub(super) enum GripperSpeaker {
     Topic(Box<Speaker<GripperCommand>>),
     Action(Box<Grips>),

@@ -15,6 +15,7 @@ use dsm_robot::model::RobotModel;
 const STATES: Delivery = Delivery::Reliable { depth: 64 };
 
 /// A message of the robot; cameras by their place in the model.
+#[allow(clippy::large_enum_variant, reason = "few of them wait at a time")]
 pub(super) enum Saying {
     Joints(JointState),
     Odometry(Box<Odometry>),
