@@ -7,6 +7,7 @@ use crate::joint_bounds::JointBounds;
 use crate::judge::Judge;
 use crate::run::{Drivers, RunSpec};
 use crate::summary::Summary;
+use dsm::build::BuildConfig;
 use dsm::eval::Truth;
 use dsm::ground::{GroundConfig, Grounder};
 use dsm::knowledge::Knowledge;
@@ -196,6 +197,9 @@ pub(crate) fn enveloped<R: Robot + 'static>(driver: R, model: &Arc<RobotModel>, 
 
 /// Loads and checks all inputs of a run without beginning it. Where the world is not ours that is the robot's model.
 pub fn check(spec: &RunSpec) -> Result<(), TaskError> {
+    // Networks that are missing or of another shape show here.
+    spec.language.looks()?;
+    spec.language.builder(BuildConfig::default())?;
     if spec.drivers != Drivers::Simulated {
         return Ok(RobotModel::load(&find_robot(&spec.robot)?).map(drop)?);
     }

@@ -30,7 +30,7 @@ fn write_models(bench: &Bench, extra: &str) {
     };
     let text = format!(
         "version = 1\n[detector]\nnetwork = {}\ntext = {}\ntokenizer = {}\nvocabulary = [\"apple\", \"table\"]\n\
-         least_score = 0.5\noverlap = 0.1\nmost = 6\n[segmenter]\nencoder = {}\ndecoder = {}\n[text]\nkind = \"minilm\"\n\
+         least_score = 0.2\noverlap = 0.1\nmost = 6\n[segmenter]\nencoder = {}\ndecoder = {}\n[text]\nkind = \"minilm\"\n\
          network = {}\ntokenizer = {}\n[visual]\nkind = \"dinov2\"\nnetwork = {}\n{extra}",
         file("yolo_world.onnx"),
         file("clip_text.onnx"),
