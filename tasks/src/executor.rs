@@ -17,7 +17,7 @@ use crate::skills::held::{Held, carry, carrying};
 use crate::skills::navigate::{navigate_to_object, navigate_to_room, way_to};
 use crate::skills::place::place;
 use crate::skills::retreat::retreat;
-use crate::skills::search::{Thoroughness, search};
+use crate::skills::search::{LAST_LOOKS, Thoroughness, search};
 use crate::skills::wiggle::wiggle;
 use crate::summary::{EXPLORE, Failure, PartSummary, Stage, StepOutcome, StepSummary};
 use dsm::ground::{Action, Command, Grounder, Grounding, GroundingStatus, RelationWord, parse_command, split_sequence};
@@ -235,6 +235,15 @@ impl Executor {
         })
     }
 
+    /// Where a thing goes. The thing itself is still to be found: the last looks are for it.
+    fn find_destination(&mut self, agent: &mut Agent, words: &str) -> Result<Result<Grounding, Box<Done>>, Halt> {
+        let kept = self.kept_for_parts;
+        self.kept_for_parts = Span(kept.0 + LAST_LOOKS.0);
+        let found = self.find(agent, PLACE, words, Thoroughness::Enough);
+        self.kept_for_parts = kept;
+        found
+    }
+
     /// Drives to an object; while no place before it can be reached, the floor on the way to it is still to be seen.
     fn go_to(&mut self, agent: &mut Agent, id: ObjectId, side: Option<RelationWord>) -> Result<Outcome, Halt> {
         let outcome = navigate_to_object(agent, &self.nav, id, side)?;
@@ -299,7 +308,7 @@ impl Executor {
         let start = Pose2::from_pose(&agent.world_from_base()?);
         // Both are found before the hand is full.
         let destination = match &command.destination {
-            Some(words) => match self.find(agent, PLACE, words, Thoroughness::Enough)? {
+            Some(words) => match self.find_destination(agent, words)? {
                 Ok(grounding) => Some(grounding),
                 Err(refused) => return Ok(*refused),
             },

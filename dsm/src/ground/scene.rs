@@ -138,6 +138,8 @@ impl<'a> Scene<'a> {
         const FLAT_SHARE: f64 = 0.4;
         /// Pieces of one thing that lie over each other have their middles within this share of their width.
         const ASIDE_SHARE: f64 = 0.25;
+        /// The pieces of a torn thing end so far from each other, above and below; share of the lower one's height.
+        const TORN_SHARE: f64 = 0.25;
         /// Similarity of names from which one is said for the other.
         const ALIKE: f32 = 0.5;
         let (double, known) = (self.items[item].object, self.items[of].object);
@@ -155,11 +157,15 @@ impl<'a> Scene<'a> {
             if inside && a.intersection_volume_m3(b) > SAME_PLACE_SHARE * smaller {
                 return true;
             }
-            // Furniture does not stand on furniture of its name: it is torn into an upper and a lower piece.
+            // Furniture does not stand on furniture of its name: it is torn into an upper and a lower piece, either of
+            // which sticks out of the other.
             let is_furniture = self.categories[item].is_some_and(|category| !category.graspable);
             let aside_m = (a.center - b.center).xy().norm();
             let over = aside_m < ASIDE_SHARE * a.size.xy().min().min(b.size.xy().min());
-            if is_furniture && over && !a.contains(&b.center, 0.0) && !b.contains(&a.center, 0.0) {
+            let apart_m = TORN_SHARE * a.height_m().min(b.height_m());
+            let torn = (a.bottom_m() - b.bottom_m()).abs().min((a.top_m() - b.top_m()).abs()) > apart_m
+                && (a.bottom_m() < b.bottom_m()) == (a.top_m() < b.top_m());
+            if is_furniture && over && torn {
                 return true;
             }
         }

@@ -20,6 +20,8 @@ const SURE_OBSERVATIONS: u32 = 12;
 /// Words are grounded this often while exploring.
 const GROUND_EVERY: Span = Span(1_000_000_000);
 
+/// When time is up before all has been seen, the last of it goes to a second look at what the words name.
+pub const LAST_LOOKS: Span = Span(25_000_000_000);
 /// So many objects are looked at again before the words are refused.
 const MOST_LOOKS: usize = 8;
 /// ... and so many carriers before the only one of its name is taken for the closest.
@@ -100,32 +102,27 @@ pub fn search(
     };
     let named = named_in(knowledge, plain.ground(agent.map(), text, None).query.as_ref());
     let inspect = |map: &Map| named.find_in(map, knowledge);
-    let outcome = explorer.run(agent, end, Interest { enough: &mut enough, inspect: &inspect })?;
-    let now_s = agent.now().as_s();
-    if outcome != ExploreOutcome::Enough {
-        agent.journal.note(now_s, format!("exploration ends: {outcome:?}"), None);
+    let mut explored =
+        explorer.run(agent, end + Span(-LAST_LOOKS.0), Interest { enough: &mut enough, inspect: &inspect })?;
+    let mut last = answer(agent, grounder, text)?;
+    if explored == ExploreOutcome::TimeUp && named.find_doubtful(agent.map(), knowledge, &last).is_empty() {
+        explored = explorer.run(agent, end, Interest { enough: &mut enough, inspect: &inspect })?;
+        last = answer(agent, grounder, text)?;
     }
-    let first = answer(agent, grounder, text)?;
-    let doubtful = match first.status {
-        GroundingStatus::Unparsed => return Ok(first),
-        // Who says "the closest" knows of another one, which may be closer.
-        GroundingStatus::Found if compares_but_one(&first) => named.find_carriers(agent.map(), knowledge, None),
-        // So may one that nobody has seen yet, on what stands nearer.
-        GroundingStatus::Found if says_closest(&first) => named.find_carriers(agent.map(), knowledge, first.object_id),
-        GroundingStatus::Found if is_sure(&first) => return Ok(first),
-        // What is only nearly as the words say is taken when a second look shows nothing better.
-        GroundingStatus::Found => named.find_places(agent.map(), knowledge),
-        GroundingStatus::Ambiguous => find_rivals(&first),
-        GroundingStatus::Absent => named.find_places(agent.map(), knowledge),
-    };
-    if outcome != ExploreOutcome::Enough && !doubtful.is_empty() {
-        explorer.look_again(agent, end, &doubtful, &mut enough)?;
-        let second = answer(agent, grounder, text)?;
-        if second.status != GroundingStatus::Absent {
-            return Ok(second);
+    if explored != ExploreOutcome::Enough {
+        agent.mark(format!("exploration ends: {explored:?}"));
+    }
+    if explored != ExploreOutcome::Enough {
+        for objects in named.find_doubtful(agent.map(), knowledge, &last) {
+            explorer.look_again(agent, end, &objects, &mut enough)?;
+            last = answer(agent, grounder, text)?;
+            if is_sure(&last) {
+                break;
+            }
         }
-    } else if first.status != GroundingStatus::Absent {
-        return Ok(first);
+    }
+    if last.status != GroundingStatus::Absent {
+        return Ok(last);
     }
     look_where_it_probably_is(agent, explorer, knowledge, (grounder, text), (&named, end), &mut enough)
 }
@@ -263,6 +260,31 @@ fn named_in(knowledge: &Knowledge, query: Option<&Query>) -> Named {
 }
 
 impl Named {
+    /// What is worth a second look before an answer counts, in groups of which one after the other is looked at; none when
+    /// the answer is plain.
+    fn find_doubtful(&self, map: &Map, knowledge: &Knowledge, answer: &Grounding) -> Vec<Vec<ObjectId>> {
+        let groups = match answer.status {
+            GroundingStatus::Unparsed => Vec::new(),
+            // Who says "the closest" knows of another one, which may be closer.
+            GroundingStatus::Found if compares_but_one(answer) => vec![self.find_carriers(map, knowledge, None)],
+            // So may one that nobody has seen yet, on what stands nearer.
+            GroundingStatus::Found if says_closest(answer) => {
+                vec![self.find_carriers(map, knowledge, answer.object_id)]
+            }
+            GroundingStatus::Found if is_sure(answer) => Vec::new(),
+            GroundingStatus::Ambiguous => vec![find_rivals(answer)],
+            // What is only nearly as the words say is taken when a second look shows nothing better.
+            GroundingStatus::Found | GroundingStatus::Absent => {
+                let mut places = self.find_places(map, knowledge);
+                let anchors = Self { things: self.things.iter().skip(1).cloned().collect(), rooms: Vec::new() };
+                let anchors = anchors.find_in(map, knowledge);
+                let there = places.extract_if(.., |id| anchors.contains(id)).collect();
+                vec![there, places]
+            }
+        };
+        groups.into_iter().filter(|group: &Vec<ObjectId>| !group.is_empty()).collect()
+    }
+
     /// Objects of the map that may be one of the things.
     fn find_in(&self, map: &Map, knowledge: &Knowledge) -> Vec<ObjectId> {
         let fits = |object: &&MapObject| {
