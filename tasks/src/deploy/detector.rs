@@ -8,6 +8,8 @@ use std::time::Duration;
 
 /// How long a frame waits for its detections, which come a little after it. Mapping alone waits, the control tick never.
 const PATIENCE: Duration = Duration::from_millis(300);
+/// Detections overtake each other by little: when those of so many later frames are there, this frame's are lost.
+const OVERTAKEN: usize = 2;
 
 /// Gives frames the detections that came for them.
 pub(super) struct WireDetector {
@@ -25,7 +27,10 @@ impl WireDetector {
 impl Detector for WireDetector {
     /// Detections of no frame when those of this one were lost: nothing is learned of what was not looked at.
     fn detect(&mut self, frame: &RgbdFrame) -> Detections {
-        while !self.early.contains_key(&frame.id) {
+        let is_awaited = |early: &BTreeMap<FrameId, Detections>| {
+            !early.contains_key(&frame.id) && early.range(frame.id..).count() < OVERTAKEN
+        };
+        while is_awaited(&self.early) {
             match self.detections.recv_timeout(PATIENCE) {
                 Ok(found) => drop(self.early.insert(found.frame, found)),
                 Err(_) => break,
@@ -62,6 +67,26 @@ mod tests {
             color: vec![[0; 3]; 4],
             depth_m: vec![0.0; 4],
         }
+    }
+
+    #[test]
+    fn a_frame_whose_detections_are_lost_holds_up_no_other() {
+        let (sender, detections) = channel();
+        let mut detector = WireDetector::new("there", detections);
+        for id in 2..6 {
+            sender.send(Detections { frame: FrameId(id), items: Vec::new() }).unwrap();
+        }
+        // More would come for ever: the sender lives.
+        assert_eq!(detector.detect(&frame(1)).frame, FrameId(u64::MAX));
+        assert!(detections_left(&detector) >= 2, "it waited on while others came");
+        for id in 2..6 {
+            assert_eq!(detector.detect(&frame(id)).frame, FrameId(id));
+        }
+        drop(sender);
+    }
+
+    fn detections_left(detector: &WireDetector) -> usize {
+        4 - detector.early.len()
     }
 
     #[test]
