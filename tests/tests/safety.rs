@@ -30,6 +30,12 @@ fn what_breaks_for_good_ends_the_episode_for_the_right_reason() {
 }
 
 #[test]
+fn a_robot_that_never_sees_says_so_instead_of_calling_things_absent() {
+    let failure = broken(vec![Fault::at(FaultKind::FramesLost, 0.0)], 120.0).failure.unwrap();
+    assert!(failure.stage == Stage::Safety && failure.reason.contains("camera"), "{failure:?}");
+}
+
+#[test]
 fn senses_that_come_back_hold_the_task_up_and_no_more() {
     let lost = Fault { for_s: Some(2.0), ..Fault::at(FaultKind::FramesLost, 9.0) };
     let part = Some(FaultPart::Localisation);

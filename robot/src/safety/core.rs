@@ -291,7 +291,7 @@ impl<R: Robot> Clock for Core<R> {
             if let Err(error) = self.robot.clock().wait_until(until) {
                 // Nothing can be let to happen any more: the robot's own stop and its watchdogs are what is left.
                 let error = self.fail(Part::Clock, error);
-                let _ = self.robot.emergency_stop().trigger("the clock failed");
+                let _ = self.robot.emergency_stop().trigger(&format!("the clock failed: {error}"));
                 return Err(error);
             }
             self.follow_clock(waited);

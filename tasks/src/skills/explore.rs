@@ -5,7 +5,7 @@ use crate::agent::{Agent, Gaze, Halt};
 use dsm::Pose;
 use dsm::map::{CellState, FreeSpace, Map, ObjectId};
 use dsm::time::{Span, Stamp};
-use dsm_robot::drivers::Twist;
+use dsm_robot::drivers::{DriverError, Twist};
 use dsm_robot::joints::JointVelocities;
 use dsm_robot::model::RobotModel;
 use dsm_robot::nav::{
@@ -96,6 +96,10 @@ impl Explorer {
             // Into the room, then at the floor around the base, which a level view does not show.
             look_around(agent, 2.6)?;
             self.looked_around = true;
+            if agent.map().free_space.known_cells().next().is_none() {
+                let reason = "no picture of a look around taught anything: do camera, depth and detector answer?";
+                return Err(DriverError::Lost { part: "camera".into(), reason: reason.into() }.into());
+            }
         }
         loop {
             if enough(agent.map()) {

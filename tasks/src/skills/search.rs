@@ -405,6 +405,25 @@ mod tests {
     }
 
     #[test]
+    fn the_nightstand_is_looked_at_before_other_cups() {
+        let named = |id, name: &str, x_m, size_m| {
+            let mut object = object(id, [x_m, 0.0, 0.5 * size_m], [size_m; 3], &[]);
+            object.names.add(name, 9.0);
+            object
+        };
+        let map =
+            map_of(vec![named(1, "cup", 1.0, 0.08), named(2, "sofa", 3.0, 0.9), named(3, "nightstand", 5.0, 0.45)]);
+        let knowledge = Arc::new(Knowledge::embedded().unwrap());
+        let grounder = Grounder::new(GroundConfig { verify: false, ..Default::default() }, knowledge.clone()).unwrap();
+        let answer = grounder.ground(&map, "the cup on the nightstand", None);
+        assert!(!is_sure(&answer), "{answer:?}");
+        let looks = named_in(&knowledge, answer.query.as_ref()).find_doubtful(&map, &knowledge, &answer);
+        assert_eq!(looks, [vec![ObjectId(3)], vec![ObjectId(1)]]);
+        let answer = grounder.ground(&map, "the sofa", None);
+        assert!(named_in(&knowledge, answer.query.as_ref()).find_doubtful(&map, &knowledge, &answer).is_empty());
+    }
+
+    #[test]
     fn a_mug_is_looked_for_on_the_counter_before_the_bed() {
         let furniture = |id, name: &str, x_m| {
             let mut object = object(id, [x_m, 0.0, 0.4], [0.8, 0.6, 0.8], &[]);
