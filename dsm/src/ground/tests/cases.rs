@@ -371,6 +371,9 @@ fn slices_and_torn_pieces_are_no_rivals() {
     let back = || thing(1, "chair", [4.62, 3.3, 0.68], [0.42, 0.4, 0.4]).seen(28);
     let seat = thing(2, "chair", [4.6, 3.32, 0.23], [0.45, 0.44, 0.46]).seen(19);
     assert_found(&ground(&map_of([back(), seat]), "the chair"), 1, "its lower half");
+    let most = thing(1, "chair", [4.62, 3.3, 0.51], [0.4, 0.41, 0.73]).seen(28);
+    let legs = || thing(2, "chair", [4.62, 3.3, 0.23], [0.41, 0.41, 0.46]).seen(19);
+    assert_found(&ground(&map_of([most, legs()]), "the chair"), 1, "pieces that overlap");
     let beside = thing(2, "chair", [4.62, 2.9, 0.4], [0.45, 0.44, 0.8]).seen(19);
     let ambiguous = GroundingStatus::Ambiguous;
     assert_status(&ground(&map_of([back(), beside]), "the chair"), ambiguous, "another one beside it");
