@@ -24,6 +24,8 @@ const MARGIN_M: f64 = 0.3;
 const EYE_HEIGHT_M: f64 = 120.0;
 /// Units of the SVG in a metre.
 const UNITS_PER_M: f64 = 100.0;
+/// A page shows a unit of a drawing at least so large, or scrolls it: names stay above 12 pixels.
+const LEAST_PIXELS_PER_UNIT: f64 = 0.88;
 
 /// The colour image as PNG.
 pub fn color_png(frame: &RgbdFrame) -> Vec<u8> {
@@ -77,10 +79,11 @@ pub fn map_svg(map: &Map, path: &[Point2<f64>], target: Option<ObjectId>) -> Opt
     let view = View::around(map, path)?;
     let size = view.size_m() * UNITS_PER_M;
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0} {:.0}\" role=\"img\" aria-label=\"The map from above\">\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0} {:.0}\" style=\"min-width:{:.0}px\" \
+         role=\"img\" aria-label=\"The map from above\">\n<rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
         size.x,
         size.y,
+        size.x * LEAST_PIXELS_PER_UNIT,
         hex(UNKNOWN)
     );
     // Writing to a String cannot fail, here and below.

@@ -25,63 +25,6 @@ const MOST_PICTURES: usize = 16;
 /// A grounding lists at most so many candidates.
 const MOST_CANDIDATES: usize = 8;
 
-/// A line of the index of a suite.
-pub struct IndexLine<'a> {
-    /// Name of the episode.
-    pub episode: &'a str,
-    /// Seed.
-    pub seed: u64,
-    /// Whether it succeeded.
-    pub success: bool,
-    /// Stage and reason of a failure.
-    pub why: String,
-    /// Metrics, if it ran to its end.
-    pub metrics: Option<&'a Metrics>,
-    /// The report, relative to the index; `None` when there is none.
-    pub report: Option<String>,
-    /// The page of the failure, relative to the index; `None` when there is none.
-    pub failure: Option<String>,
-}
-
-/// The index page of a suite; `summary` says in words how it went.
-pub fn index_page(summary: &str, lines: &[IndexLine<'_>]) -> String {
-    let mut html = open_page("Suite");
-    let _ = writeln!(html, "<h1>Suite</h1>\n<p>{}</p>", escape(summary));
-    html.push_str(
-        "<div class=\"wide\"><table class=\"narrow\"><thead><tr><th>Episode</th><th>Outcome</th><th class=\"number\">Time</th>\
-         <th class=\"number\">Path</th><th class=\"number\">SPL</th><th class=\"number\">Clearance</th>\
-         <th class=\"number\">Collisions</th><th>Why</th></tr></thead><tbody>\n",
-    );
-    for line in lines {
-        let (class, word) = if line.success { ("good", "success") } else { ("bad", "failed") };
-        let name = format!("{}, seed {}", escape(line.episode), line.seed);
-        let name = match &line.report {
-            Some(report) => format!("<a href=\"{}\">{name}</a>", escape(report)),
-            None => name,
-        };
-        let mark = format!("<span class=\"mark {class}\">{word}</span>");
-        let mark = match &line.failure {
-            Some(page) => format!("<a href=\"{}\">{mark}</a>", escape(page)),
-            None => mark,
-        };
-        let of = |value: fn(&Metrics) -> Option<String>| line.metrics.and_then(value).unwrap_or_else(|| "-".to_owned());
-        let _ = writeln!(
-            html,
-            "<tr><td>{name}</td><td>{mark}</td><td class=\"number\">{}</td>\
-             <td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td><td class=\"number\">{}</td>\
-             <td>{}</td></tr>",
-            of(|m| Some(format!("{:.1} s", m.sim_time_s))),
-            of(|m| Some(format!("{:.1} m", m.path_length_m))),
-            of(|m| Some(format!("{:.2} SPL", m.known_map_spl.or(m.spl)?))),
-            of(|m| Some(format!("{:.2} m free", m.min_clearance_m?))),
-            of(|m| Some(format!("{} collisions", m.collisions))),
-            escape(&line.why)
-        );
-    }
-    html.push_str("</tbody></table></div>\n");
-    close_page(html)
-}
-
 /// The beginning of a page, up to its content.
 pub(crate) fn open_page(title: &str) -> String {
     format!(
@@ -97,12 +40,12 @@ pub(crate) fn close_page(mut html: String) -> String {
     html
 }
 
-/// The page of a finished run.
-pub fn page(finished: &Finished, timing: &Timing) -> String {
+/// The page of a finished run; `again` is the command that does it again.
+pub fn page(finished: &Finished, timing: &Timing, again: &str) -> String {
     let Finished { summary, map, journal, .. } = finished;
     let title = format!("{}, seed {}", escape(&summary.episode), summary.seed);
     let mut html = open_page(&title);
-    write_head(&mut html, summary, timing, &title);
+    write_head(&mut html, summary, timing, &title, again);
     write_steps(&mut html, &summary.steps, map);
     write_expectations(&mut html, &summary.expectations);
     write_metrics(&mut html, &summary.metrics, timing);
@@ -116,7 +59,7 @@ pub fn page(finished: &Finished, timing: &Timing) -> String {
 
 // Writing to a String cannot fail, which is why the results of `write!` are dropped throughout.
 
-fn write_head(html: &mut String, summary: &Summary, timing: &Timing, title: &str) {
+fn write_head(html: &mut String, summary: &Summary, timing: &Timing, title: &str, again: &str) {
     let (class, word) = if summary.success { ("good", "Success") } else { ("bad", "Failed") };
     let _ = writeln!(html, "<h1>{title} <span class=\"mark {class}\">{word}</span></h1>");
     if let Some(failure) = &summary.failure {
@@ -139,6 +82,7 @@ fn write_head(html: &mut String, summary: &Summary, timing: &Timing, title: &str
         timing.wall_s,
         timing.real_time_factor
     );
+    let _ = writeln!(html, "<p class=\"dim\">Again: <code>{}</code></p>", escape(again));
 }
 
 fn write_steps(html: &mut String, steps: &[StepSummary], map: &Map) {
@@ -436,18 +380,20 @@ dl{display:grid;grid-template-columns:repeat(auto-fill,minmax(155px,1fr));gap:8p
 dl div{background:#fff;border:1px solid var(--line);border-radius:8px;padding:8px 12px}dt{color:var(--dim);font-size:.85rem}dd{margin:0;font-weight:600}
 .number{text-align:right}
 .plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,420px),1fr));gap:12px}
-.plot svg{display:block;width:100%;height:auto;font:13px system-ui,sans-serif;fill:var(--dim)}.grid{stroke:var(--line);fill:none}
+.plot svg{display:block;width:100%;height:auto;font:16px system-ui,sans-serif;fill:var(--dim)}.grid{stroke:var(--line);fill:none}
 .views{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:8px;max-width:720px;margin:.5rem 0}.views img{width:100%}
-.wide.plot svg{max-width:960px}
-.map svg{display:block;width:100%;min-width:720px;height:auto;font-family:system-ui,sans-serif}
+.wide.plot svg{min-width:680px;max-width:960px;font-size:13px}
+.map svg{display:block;width:100%;height:auto;font-family:system-ui,sans-serif}
 .pictures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,520px),1fr));gap:12px}
 figure{margin:0;background:#fff;border:1px solid var(--line);border-radius:8px;padding:8px}figure div{display:flex;gap:4px}
 figure img{width:50%;height:auto;min-width:0}figcaption{font-size:.85rem;color:var(--dim)}
+.side{display:none;color:var(--dim)}.bar{display:block;height:8px;min-width:3px;margin:4px 0 2px;border-radius:4px;background:var(--bad)}
+code{font:.9em/1.4 ui-monospace,monospace}
 summary{cursor:pointer}ol{padding:0;margin:.5rem 0;list-style:none}li{padding:2px 0;border-bottom:1px solid var(--line)}
 @media(max-width:600px){
 .narrow thead{display:none}.narrow,.narrow tbody,.narrow tr,.narrow td{display:block;border:0;text-align:left}
-.narrow tr{padding:6px 0;border-bottom:1px solid var(--line)}.narrow td{padding:1px 10px}
-.plot svg{font-size:21px}
+.narrow tr{padding:6px 0;border-bottom:1px solid var(--line)}.narrow td{padding:1px 10px}.side{display:inline}
+figure.plot svg{font-size:26px;overflow:visible;margin:10px 0 6px}
 }
 time{display:inline-block;min-width:5em;color:var(--dim);font-variant-numeric:tabular-nums}
 ";

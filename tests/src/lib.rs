@@ -1,4 +1,8 @@
-//! What the scenario tests share: finding episodes and running them without a display.
+//! What the scenario tests share: finding episodes and running them without a display, and reading the documentation.
+
+pub mod commands;
+pub mod markdown;
+pub mod reference;
 
 use anyhow::{Context, Result};
 use dsm_tasks::cli::{WorldArgs, prepare};

@@ -69,12 +69,17 @@ pub(super) fn completions(shell: clap_complete::Shell) -> anyhow::Result<u8> {
 
 /// Prints a JSON schema.
 pub(super) fn schema(kind: SchemaKind) -> anyhow::Result<u8> {
+    print(&to_json(&schema_value(kind)).map_err(|e| TaskError::Internal(e.to_string()))?)?;
+    Ok(0)
+}
+
+/// The JSON schema of a kind of file.
+pub fn schema_value(kind: SchemaKind) -> serde_json::Value {
     let schema = match kind {
         SchemaKind::Episode => schemars::schema_for!(Episode),
         SchemaKind::Robot => schemars::schema_for!(RobotSettings),
         SchemaKind::Semantics => schemars::schema_for!(Semantics),
         SchemaKind::Summary => schemars::schema_for!(Summary),
     };
-    print(&to_json(&schema).map_err(|e| TaskError::Internal(e.to_string()))?)?;
-    Ok(0)
+    schema.to_value()
 }

@@ -28,7 +28,12 @@ mod serve;
 mod serve_http;
 mod serve_robot;
 mod suite;
+mod suite_change;
+mod suite_compare;
+mod suite_compare_page;
 mod suite_done;
+mod suite_file;
+mod suite_page;
 mod suite_parts;
 mod suite_recovery;
 mod suite_result;
@@ -38,13 +43,14 @@ mod wire;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
+pub use info::{SchemaKind, schema_value};
 pub use output::Output;
 pub use run::{Timing, prepare};
 pub use wire::{ClockChoice, DriversChoice, WireArgs};
 
 /// Simulation-in-the-loop robot tasks on a Diverse Semantic Map.
 #[derive(Debug, Parser)]
-#[command(name = "dsm", version, about, propagate_version = true, max_term_width = 100)]
+#[command(name = "dsm", version, propagate_version = true, max_term_width = 100)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -130,6 +136,10 @@ pub enum Command {
     Run(run::RunArgs),
     /// Run all episodes found below the given paths.
     Suite(suite::SuiteArgs),
+    /// Hold two suites side by side: what got better or worse, by episode and seed, as a table and a page.
+    SuiteCompare(suite_compare::SuiteCompareArgs),
+    /// Write the page `index.html` of a suite again, from its suite.json and the folders of its episodes.
+    SuitePage(suite_page::SuitePageArgs),
     /// Explore a scene and keep its map.
     Explore(explore::ExploreArgs),
     /// Run an episode and keep what its map was made of: an RGB-D sequence with detections.
@@ -179,7 +189,7 @@ pub enum Command {
     /// Print a JSON schema.
     Schema {
         /// Of what.
-        kind: info::SchemaKind,
+        kind: SchemaKind,
     },
 }
 
@@ -188,6 +198,8 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
     match cli.command {
         Command::Run(args) => run::run(args),
         Command::Suite(args) => suite::run(args),
+        Command::SuiteCompare(args) => suite_compare::run(args),
+        Command::SuitePage(args) => suite_page::run(args),
         Command::Explore(args) => explore::run(args),
         Command::Record(args) => record::run(args),
         Command::Replay(args) => replay::run(args),

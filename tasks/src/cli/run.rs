@@ -8,7 +8,7 @@ use super::wire::{DriversChoice, WireArgs};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
-use crate::failure_page::{FAILURE_FILE, failure_page};
+use crate::failure_page::{FAILURE_FILE, failure_page, replay_command};
 use crate::language::find_language;
 use crate::perception::Tape;
 use crate::replay::{EntryFile, Recorder, RecordingEnd};
@@ -25,6 +25,9 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Name of the page of a run in its folder.
+pub(super) const REPORT_FILE: &str = "report.html";
 
 /// Arguments of `dsm run`.
 #[derive(Debug, clap::Args)]
@@ -189,7 +192,8 @@ fn run_kept_and_write(
         sim_time_s,
         real_time_factor: sim_time_s / wall_s.max(1e-9),
     };
-    write_atomically(&folder.join("report.html"), crate::report::page(&finished, &timing(run_s)).as_bytes())?;
+    let report = crate::report::page(&finished, &timing(run_s), &replay_command(spec));
+    write_atomically(&folder.join(REPORT_FILE), report.as_bytes())?;
     if let Some(page) = failure_page(&finished, spec) {
         write_atomically(&folder.join(FAILURE_FILE), page.as_bytes())?;
     }

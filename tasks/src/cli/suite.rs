@@ -4,6 +4,8 @@ use super::output::{prepare_suite_folder, to_json};
 use super::run::{catch_interrupt, prepare, run_and_write, set_threads};
 use super::scene::write_scene;
 use super::suite_done::{Fingerprint, Program, find_done, write_done};
+use super::suite_file::SUITE_FILE;
+use super::suite_page::write_index;
 use super::suite_result::{Suite, SuiteEpisode};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode_generator::{Disturb, KINDS, Kind, write_episodes, write_sequences};
@@ -95,8 +97,8 @@ pub(super) fn run(args: SuiteArgs) -> anyhow::Result<u8> {
     let mut episodes = run_all(&specs, &folder, usize::from(args.workers), args.out.force, &interrupted)?;
     episodes.sort_by(|a, b| (&a.id, a.seed).cmp(&(&b.id, b.seed)));
     let suite = Suite::new(episodes);
-    write_atomically(&folder.join("suite.json"), to_json(&suite)?.as_bytes()).map_err(TaskError::from)?;
-    write_atomically(&folder.join("index.html"), suite.index_page(&folder).as_bytes()).map_err(TaskError::from)?;
+    write_atomically(&folder.join(SUITE_FILE), to_json(&suite)?.as_bytes()).map_err(TaskError::from)?;
+    write_index(&suite, &folder)?;
     if let Some(path) = &args.junit {
         write_atomically(path, suite.junit().as_bytes()).map_err(TaskError::from)?;
     }

@@ -1,18 +1,15 @@
-//! What a suite comes to: one line per episode, sums with intervals, a table, a JUnit file and a page.
+//! What a suite comes to: one line per episode, sums with intervals, a table and a JUnit file.
 
 use super::suite_parts::{Parts, Sequences, find_parts, sum_up};
 use super::suite_recovery::{self, Recovery, find_recoveries};
-use crate::failure_page::FAILURE_FILE;
-use crate::report::{IndexLine, index_page};
 use crate::summary::{Metrics, Stage, Summary};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::Path;
 
 /// Version of `suite.json`.
-const SUITE_SCHEMA: u32 = 1;
+pub(super) const SUITE_SCHEMA: u32 = 1;
 /// An object other than the targets counts as displaced from here on, metres.
 const DISPLACED_M: f64 = 0.05;
 
@@ -59,15 +56,15 @@ pub(super) struct Share {
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub(super) struct Totals {
     /// Episodes run.
-    episodes: usize,
+    pub episodes: usize,
     /// Episodes that succeeded.
-    successes: usize,
+    pub successes: usize,
     /// Share of successes, 0 to 1.
-    success_rate: f64,
+    pub success_rate: f64,
     /// Wilson interval of the share, 95 %.
-    success_interval: [f64; 2],
+    pub success_interval: [f64; 2],
     /// Successes by the skill of the last step.
-    by_skill: BTreeMap<String, Share>,
+    pub by_skill: BTreeMap<String, Share>,
     /// Episodes by the stage in which they failed.
     failed_stages: BTreeMap<String, Share>,
     /// Mean of success weighted by path length, over the episodes that have a shortest path and begin with no map: those
@@ -80,13 +77,13 @@ pub(super) struct Totals {
     /// Successes among the episodes that explore first.
     with_known_map: Share,
     /// Collisions over all episodes.
-    collisions: u32,
+    pub collisions: u32,
     /// Episodes with a collision.
     with_collision: Share,
     /// Episodes in which the hand touched a free object that the task does not name.
     with_others_touched: Share,
     /// Limit violations over all episodes.
-    limit_violations: u32,
+    pub limit_violations: u32,
     /// Smallest distance between the robot's base and the world over all episodes, metres.
     min_clearance_m: Option<f64>,
     /// The farthest that an object other than a target was moved, metres.
@@ -94,7 +91,7 @@ pub(super) struct Totals {
     /// Episodes in which such an object was moved by more than 5 cm.
     with_displacement: Share,
     /// Simulated time, seconds.
-    sim_time_s: f64,
+    pub sim_time_s: f64,
     /// Median of the simulated times, seconds.
     sim_time_median_s: Option<f64>,
     /// Driven path, metres.
@@ -111,9 +108,9 @@ pub(super) struct Suite {
     /// Version of this layout.
     schema: u32,
     /// Episodes sorted by name and seed.
-    episodes: Vec<SuiteEpisode>,
+    pub episodes: Vec<SuiteEpisode>,
     /// Sums.
-    totals: Totals,
+    pub totals: Totals,
 }
 
 impl From<Summary> for SuiteEpisode {
@@ -171,43 +168,6 @@ impl Suite {
     /// Whether no episode failed.
     pub(super) fn all_succeed(&self) -> bool {
         self.totals.successes == self.totals.episodes
-    }
-
-    /// The page that links the report of every episode.
-    pub(super) fn index_page(&self, folder: &Path) -> String {
-        let lines: Vec<IndexLine<'_>> = self
-            .episodes
-            .iter()
-            .map(|e| {
-                let page = |name: &str| {
-                    let page = format!("{}-{}/{name}", e.id, e.seed);
-                    folder.join(&page).is_file().then_some(page)
-                };
-                let stage = e.failed_stage.map(|stage| format!("{}: ", word(stage)));
-                IndexLine {
-                    episode: &e.id,
-                    seed: e.seed,
-                    success: e.success,
-                    why: stage.unwrap_or_default() + e.reason.as_deref().unwrap_or_default(),
-                    metrics: e.metrics.as_ref(),
-                    report: page("report.html"),
-                    failure: page(FAILURE_FILE).filter(|_| !e.success),
-                }
-            })
-            .collect();
-        let t = &self.totals;
-        let [low, high] = t.success_interval.map(|share| 100.0 * share);
-        let text = format!(
-            "{} of {} episodes succeeded ({:.0} %, 95 % interval {low:.0} to {high:.0} %); {} collisions, {} limit \
-             violations, {:.0} simulated seconds.",
-            t.successes,
-            t.episodes,
-            100.0 * t.success_rate,
-            t.collisions,
-            t.limit_violations,
-            t.sim_time_s
-        );
-        index_page(&text, &lines)
     }
 
     /// A table for people.
@@ -310,7 +270,7 @@ fn escape(text: &str) -> String {
 }
 
 /// The stage as `suite.json` writes it.
-fn word(stage: Stage) -> String {
+pub(super) fn word(stage: Stage) -> String {
     let value = serde_json::to_value(stage).ok();
     value.as_ref().and_then(|value| value.as_str()).unwrap_or("unknown").to_owned()
 }

@@ -51,6 +51,15 @@ refuse! {
     suite_of_nothing: Bench::new().folder("empty"), ["suite", "empty"],
         ["no episode found; expected files, or folders that hold episodes/*.toml"];
     suite_path_is_missing: Bench::new(), ["suite", "nowhere"], ["nowhere: no such file or folder"];
+    suite_to_compare_is_missing: Bench::new(), ["suite-compare", "a", "b"], ["a: No such file"];
+    suites_have_nothing_in_common: Bench::new()
+            .file("a/suite.json", "{\"schema\": 1, \"episodes\": []}")
+            .file("b/suite.json", "{\"schema\": 1, \"episodes\": []}"),
+        ["suite-compare", "a", "b"], ["a and b have no episode and seed in common"];
+    suite_of_another_layout: Bench::new().file("a/suite.json", "{\"schema\": 2, \"episodes\": []}"), ["suite-page", "a"],
+        ["a/suite.json:1: schema 2 is not known; expected 1"];
+    suite_without_episodes: Bench::new().file("a/suite.json", "{\n\"schema\": 1}"), ["suite-page", "a"],
+        ["a/suite.json:2: missing field `episodes`"];
     output_folder_is_in_use: Bench::new().file("results/notes.txt", "mine"), ["run", "episode.toml", "--out", "results"],
         ["results: the folder is not empty", "--force"];
     output_folder_is_a_file: Bench::new().file("results", "mine"), ["run", "episode.toml", "--out", "results"],
