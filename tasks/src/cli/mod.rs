@@ -27,6 +27,7 @@ mod scene_survey;
 mod serve;
 mod serve_http;
 mod serve_robot;
+mod start;
 mod suite;
 mod suite_done;
 mod suite_parts;
@@ -38,8 +39,9 @@ mod wire;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
-pub use output::Output;
-pub use run::{Timing, prepare};
+pub use output::{Output, prepare_folder};
+pub use run::{Timing, prepare, run_kept_and_write};
+pub use start::start;
 pub use wire::{ClockChoice, DriversChoice, WireArgs};
 
 /// Simulation-in-the-loop robot tasks on a Diverse Semantic Map.
