@@ -4,6 +4,7 @@ use crate::detector::{Detection, check_size};
 use crate::error::{RunError, raised};
 use crate::frame::Frame;
 use crate::map::Map;
+use crate::process::check_process;
 use dsm::build::{BuildConfig, Carrier, MapBuilder as Builder};
 use dsm::perceive::Detections;
 use dsm_tasks::assemble::knowledge;
@@ -37,6 +38,7 @@ impl MapBuilder {
     #[new]
     #[pyo3(signature = (*, detector="detector"))]
     fn new(detector: &str) -> PyResult<Self> {
+        check_process()?;
         let mut builder = Builder::new(BuildConfig::default(), knowledge().map_err(raised)?);
         builder.credit_names_to(detector);
         Ok(Self { building: Mutex::new(Building { builder, map: dsm::map::Map::new(CELL_M) }) })

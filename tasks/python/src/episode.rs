@@ -4,6 +4,7 @@ use crate::error::{InputError, raised};
 use crate::interrupt::{Heeding, Interrupt};
 use crate::plain::to_python;
 use crate::plugged::{Plugs, plugged};
+use crate::process::check_process;
 use clap::ValueEnum;
 use dsm_tasks::cli::{
     OutArgs, PerceptionChoice, PhysicsChoice, WorldArgs, prepare, prepare_folder, run_kept_and_write,
@@ -41,6 +42,7 @@ pub(crate) fn run_episode<'py>(
     detector: Option<Py<PyAny>>,
     language: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    check_process()?;
     let world = WorldArgs {
         seed,
         robot,

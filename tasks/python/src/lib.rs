@@ -20,6 +20,7 @@ mod interrupt;
 mod map;
 mod plain;
 mod plugged;
+mod process;
 mod senses;
 mod session;
 mod spec;

@@ -5,6 +5,7 @@ use crate::frame::pose_of;
 use crate::interrupt::Interrupt;
 use crate::plain::to_python;
 use crate::plugged::{Plugs, plugged};
+use crate::process::check_process;
 use dsm::ground::GroundConfig;
 use dsm::store::{load_map, save_map, show_map};
 use dsm_tasks::error::TaskError;
@@ -68,6 +69,7 @@ impl Map {
         backend: Option<&str>,
         language: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        check_process()?;
         let viewer = world_from_viewer.map(|pose| pose_of("world_from_viewer", &pose)).transpose()?;
         let plugs = Plugs::new(py, None, language)?;
         let grounding = py.detach(|| {

@@ -13,6 +13,7 @@ use crate::interrupt::{Heeding, Interrupt};
 use crate::map::Map;
 use crate::plain::to_python;
 use crate::plugged::{Plugs, plugged};
+use crate::process::check_process;
 use crate::senses::Senses;
 use crate::spec::{Asked, spec_of};
 use crate::world::{commands_of, duration_of, joints_of};
@@ -193,6 +194,7 @@ impl Session {
         driver: Option<Py<PyAny>>,
         map_file: Option<PathBuf>,
     ) -> PyResult<Self> {
+        check_process()?;
         let asked = Asked::new(path, seed, robot, physics, perception, start, expect.as_ref())?;
         let asked = asked.within(time_limit_s, backend);
         let interrupt = Interrupt::default();

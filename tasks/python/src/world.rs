@@ -4,6 +4,7 @@ use crate::builder::CELL_M;
 use crate::error::{InputError, RunError, raised};
 use crate::frame::Frame;
 use crate::plain::to_python;
+use crate::process::check_process;
 use crate::senses::Senses;
 use crate::spec::{Asked, spec_of};
 use dsm::map::Map;
@@ -150,6 +151,7 @@ impl World {
         start: Option<(f64, f64, f64)>,
         expect: Option<Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        check_process()?;
         let asked = Asked::new(path, seed, robot, physics, perception, start, expect.as_ref())?;
         py.detach(|| Self::build(asked)).map_err(raised)
     }

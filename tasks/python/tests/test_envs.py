@@ -58,7 +58,11 @@ def test_same_seed_same_actions_same_observations() -> None:
 
 @pytest.mark.parametrize("mode", ["sync", "async"])
 def test_several_run_side_by_side(mode: str) -> None:
-    worlds = gymnasium.make_vec("dsm/NavigateTo-v0", num_envs=2, vectorization_mode=mode, stride=8)
+    # Worker threads do not survive a fork.
+    context = {"context": "spawn"} if mode == "async" else {}
+    worlds = gymnasium.make_vec(
+        "dsm/NavigateTo-v0", num_envs=2, vectorization_mode=mode, vector_kwargs=context, stride=8
+    )
     observations, info = worlds.reset(seed=7)
     assert observations["color"].shape == (2, 60, 80, 3) and list(info["seed"]) == [7, 8]
     assert not np.array_equal(observations["color"][0], observations["color"][1])

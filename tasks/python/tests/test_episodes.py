@@ -54,7 +54,19 @@ def test_flags_are_checked_as_on_the_command_line(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+def test_worker_threads_are_set_once() -> None:
+    program = (
+        "import dsm\n"
+        "for threads in (2, 2, 1):\n"
+        f"    dsm.run_episode({str(EPISODE)!r}, threads=threads, time_limit_s=1.0)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert "dsm.InputError: threads is 1, but this process works with 2" in ended.stderr, ended.stderr
+
+
 def test_ctrl_c_ends_a_session_in_order() -> None:
+    # Who starts programs in the background may have them ignore it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     session = dsm.Session(EPISODE, seed=5)
     threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):

@@ -54,9 +54,9 @@ def test_maps_are_built_from_frames_of_ones_own() -> None:
             continue
         frames += 1
         near = (frame.depth > 0.0) & (frame.depth < 2.5)
-        builder.observe(frame, [dsm.Detection(near, "near half")] if near.sum() > 500 else [])
-    assert {thing["name"] for thing in builder.map.objects} == {"near half"}
-    assert builder.map.ground("the near half")["candidates"]
+        builder.observe(frame, [dsm.Detection(near, "box")] if near.sum() > 500 else [])
+    assert {thing["name"] for thing in builder.map.objects} == {"box"}
+    assert builder.map.ground("the box")["candidates"]
     assert frame is not None
-    with pytest.raises(dsm.InputError, match="near half"):
-        builder.observe(frame, [dsm.Detection(near[::2, ::2], "near half")])
+    with pytest.raises(dsm.InputError, match="box"):
+        builder.observe(frame, [dsm.Detection(near[::2, ::2], "box")])

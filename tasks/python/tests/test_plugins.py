@@ -25,7 +25,7 @@ class NearThings:
     def detect(self, frame: dsm.Frame) -> list[dsm.Detection]:
         self.stamps.append(frame.stamp_s)
         mask = (frame.depth > 0.0) & (frame.depth < 2.0)
-        return [dsm.Detection(mask, "Near Thing", 0.9)] if mask.sum() > 500 else []
+        return [dsm.Detection(mask, "Box", 0.9)] if mask.sum() > 500 else []
 
 
 def turn(session: dsm.Session, duration_s: float = 6.0) -> None:
@@ -38,8 +38,8 @@ def test_a_detector_of_ones_own_makes_the_map() -> None:
     session = dsm.Session(SCENE, seed=1, start=KITCHEN, detector=detector)
     turn(session)
     assert len(detector.stamps) > 25 and detector.stamps == sorted(detector.stamps)
-    assert {thing["name"] for thing in session.map.objects} == {"near thing"}
-    assert session.map.ground("the near thing")["candidates"]
+    assert {thing["name"] for thing in session.map.objects} == {"box"}
+    assert session.map.ground("the box")["candidates"]
     session.finish()
 
 

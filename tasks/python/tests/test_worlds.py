@@ -1,6 +1,8 @@
 """Contract: a world does what it is told and nothing else; pictures are the frame's own memory; same seed, same bytes."""
 
 import gc
+import multiprocessing
+from multiprocessing.connection import Connection
 
 import numpy as np
 import pytest
@@ -15,9 +17,17 @@ def world(**options: object) -> dsm.World:
     return dsm.World(SCENE, seed=1, start=KITCHEN, **options)  # type: ignore[arg-type]
 
 
+def picture(seen: dsm.World) -> dsm.Frame:
+    """The first picture, which comes with the first period of the camera."""
+    assert seen.read() is None, "reading lets no time pass"
+    seen.step(duration_s=0.2)
+    frame = seen.read()
+    assert frame is not None and seen.read() is None, "a picture is read once"
+    return frame
+
+
 def test_pictures_are_shared_and_cannot_be_written() -> None:
-    frame = world().read()
-    assert frame is not None
+    frame = picture(world())
     color, depth = frame.color, frame.depth
     assert color.shape == (480, 640, 3) and color.dtype == np.uint8
     assert depth.shape == (480, 640) and depth.dtype == np.float32
@@ -39,8 +49,7 @@ def test_the_same_seed_gives_the_same_pictures() -> None:
     a, b = first.read(), second.read()
     assert a is not None and b is not None and a.stamp_s == b.stamp_s > 0.0
     assert a.color.tobytes() == b.color.tobytes() and a.depth.tobytes() == b.depth.tobytes()
-    other = dsm.World(SCENE, seed=2, start=KITCHEN).read()
-    assert other is not None and other.color.tobytes() != a.color.tobytes()
+    assert picture(dsm.World(SCENE, seed=2, start=KITCHEN)).color.tobytes() != picture(world()).color.tobytes()
 
 
 def test_base_head_tool_and_fingers_do_as_they_are_told() -> None:
@@ -91,7 +100,7 @@ def test_bad_input_is_named() -> None:
         one.step(duration_s=-1.0)
     with pytest.raises(dsm.Error, match="wrist"):
         one.read("third eye")
-    with pytest.raises(dsm.InputError, match="apple_1"):
+    with pytest.raises(dsm.InputError, match="did you mean `apple_2`"):
         world(expect=[{"kind": "object_lifted", "object": "apple_one"}])
     with pytest.raises(dsm.InputError, match="expected object"):
         world(expect=[{"kind": "object_lifted"}])
@@ -124,3 +133,20 @@ def test_frames_are_made_of_arrays() -> None:
         dsm.Frame(color[:2], depth, camera, np.eye(4))
     with pytest.raises(dsm.InputError, match="rigid"):
         dsm.Frame(color, depth, camera, 2.0 * np.eye(4))
+
+
+def build_and_tell(connection: Connection) -> None:
+    try:
+        connection.send(repr(world()))
+    except dsm.RunError as error:
+        connection.send(str(error))
+
+
+def test_a_forked_process_is_refused_and_does_not_hang() -> None:
+    picture(world())
+    here, there = multiprocessing.Pipe()
+    child = multiprocessing.get_context("fork").Process(target=build_and_tell, args=(there,))
+    child.start()
+    told = here.recv()
+    child.join()
+    assert "do not survive" in told and "spawn" in told

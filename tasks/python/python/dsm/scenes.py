@@ -11,7 +11,7 @@ def find_scene(name: str) -> Path:
     """The folder of a scene that ships with the program, by name: below the working directory, or in the checkout
     that this package was built from. Its episodes are in ``episodes/``.
     """
-    roots = [Path("scenes"), Path(CHECKOUT) / "scenes"]
+    roots = [Path("scenes"), Path(CHECKOUT).resolve() / "scenes"]
     for root in roots:
         if (root / name / "scene.xml").is_file():
             return root / name
