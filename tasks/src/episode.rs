@@ -220,21 +220,7 @@ impl Episode {
             }
         }
         for (i, e) in self.expectations.iter().enumerate() {
-            let complete = match e.kind {
-                ExpectationKind::RobotNear => e.object.is_some() != e.room.is_some(),
-                ExpectationKind::ObjectLifted
-                | ExpectationKind::Grounding
-                | ExpectationKind::JointOpen
-                | ExpectationKind::JointClosed => e.object.is_some(),
-                ExpectationKind::ObjectOn => e.object.is_some() && e.surface.is_some(),
-                ExpectationKind::Refused => true,
-            };
-            if !complete {
-                let needs = match e.kind {
-                    ExpectationKind::RobotNear => "object or room (one of them)",
-                    ExpectationKind::ObjectOn => "object and surface",
-                    _ => "object",
-                };
+            if let Some(needs) = e.find_flaw() {
                 return fail("[[expect]]", i, format!("{needs} for this kind"));
             }
         }
@@ -265,6 +251,21 @@ impl Step {
 }
 
 impl Expectation {
+    /// What has to be named for this kind and is not.
+    pub fn find_flaw(&self) -> Option<&'static str> {
+        let (object, room, surface) = (self.object.is_some(), self.room.is_some(), self.surface.is_some());
+        let (complete, needs) = match self.kind {
+            ExpectationKind::RobotNear => (object != room, "object or room (one of them)"),
+            ExpectationKind::ObjectOn => (object && surface, "object and surface"),
+            ExpectationKind::Refused => (true, ""),
+            ExpectationKind::ObjectLifted
+            | ExpectationKind::Grounding
+            | ExpectationKind::JointOpen
+            | ExpectationKind::JointClosed => (object, "object"),
+        };
+        (!complete).then_some(needs)
+    }
+
     /// Something of a kind with the usual distances and times, about nothing yet.
     fn of(kind: ExpectationKind) -> Self {
         Self {

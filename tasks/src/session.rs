@@ -29,7 +29,7 @@ use crate::perception::Tape;
 use crate::replay::Recorder;
 use crate::run::{CELL_M, Finished, Progress, RunSpec};
 use crate::skills::Outcome;
-use crate::summary::{Failure, StepOutcome, StepSummary};
+use crate::summary::{ExpectationSummary, Failure, StepOutcome, StepSummary};
 use crate::verdict::{Told, believed, judged};
 use dsm::perceive::Detector;
 use dsm::store::MapLog;
@@ -254,6 +254,12 @@ impl Session {
             ..StepSummary::skipped(before, words.into(), start.as_s())
         });
         &self.account.steps[before]
+    }
+
+    /// What the judge says of the expectations at this moment; nothing where nobody judges.
+    pub fn judged(&self) -> Vec<ExpectationSummary> {
+        let map = self.agent.map();
+        self.judge.as_ref().map_or_else(Vec::new, |judge| judge.borrow().judge(&self.account.steps, map))
     }
 
     /// Lets things come to rest under the eyes of the judge, and judges.

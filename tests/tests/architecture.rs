@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each crate's folder, its package, and the packages of ours that it may use.
-const CRATES: [(&str, &str, &[&str]); 8] = [
+const CRATES: [(&str, &str, &[&str]); 9] = [
     ("dsm", "dsm", &[]),
     ("dsm/models", "dsm-models", &["dsm"]),
     ("robot", "dsm-robot", &["dsm"]),
@@ -17,6 +17,7 @@ const CRATES: [(&str, &str, &[&str]); 8] = [
     ("sim", "dsm-sim", &["dsm", "dsm-robot"]),
     ("sim/mujoco", "dsm-sim-mujoco", &["dsm", "dsm-robot", "dsm-sim"]),
     ("tasks", "dsm-tasks", &["dsm", "dsm-models", "dsm-robot", "dsm-ros2", "dsm-sim", "dsm-sim-mujoco"]),
+    ("tasks/python", "dsm-python", &["dsm", "dsm-robot", "dsm-tasks"]),
     ("tests", "scenarios", &["dsm", "dsm-robot", "dsm-sim", "dsm-tasks"]),
 ];
 
@@ -131,6 +132,7 @@ fn the_default_build_has_no_model_and_no_client() {
     let members = workspace["workspace"]["default-members"].as_array().unwrap();
     assert!(!members.iter().any(|member| member.as_str() == Some("dsm/models")));
     let tasks = table("tasks/Cargo.toml");
+    assert!(!members.iter().any(|member| member.as_str() == Some("tasks/python")));
     assert_eq!(tasks["dependencies"]["dsm-models"]["optional"].as_bool(), Some(true));
     assert!(tasks["features"].get("default").is_none(), "features are chosen by who builds");
 }
@@ -196,6 +198,11 @@ fn ground_truth_is_read_by_the_judge_alone() {
     assert_none(
         find(&sources, &["episode_generator"], |path| edge(path) || path == "tasks/src/lib.rs"),
         "no task knows the generator of episodes",
+    );
+    let python = |path: &str| !path.starts_with("tasks/python/");
+    assert_none(
+        find(&sources, &["Truth", "TrueObject", "TruePart", "TrueWorld", "SceneModel", "Semantics"], python),
+        "Python gets the judge's verdict and no truth",
     );
     let robot = |path: &str| !path.starts_with("robot/");
     assert_none(find(&sources, &["eval::", "dsm::eval"], robot), "a robot knows no truth");

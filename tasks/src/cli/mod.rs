@@ -27,6 +27,7 @@ mod scene_survey;
 mod serve;
 mod serve_http;
 mod serve_robot;
+mod start;
 mod suite;
 mod suite_change;
 mod suite_compare;
@@ -44,8 +45,9 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 pub use info::{SchemaKind, schema_value};
-pub use output::Output;
-pub use run::{Timing, prepare};
+pub use output::{Output, prepare_folder};
+pub use run::{Timing, prepare, run_kept_and_write};
+pub use start::start;
 pub use wire::{ClockChoice, DriversChoice, WireArgs};
 
 /// Simulation-in-the-loop robot tasks on a Diverse Semantic Map.

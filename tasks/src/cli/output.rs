@@ -51,8 +51,11 @@ pub(super) fn check_file(path: &Path) -> Result<(), TaskError> {
     WholeFile::create(path).map(drop).map_err(TaskError::from)
 }
 
-/// Prepares an output folder: it must be empty or new unless forced.
-pub(super) fn prepare_folder(args: &OutArgs, default: &Path) -> Result<PathBuf, TaskError> {
+/// Prepares an output folder, by default the given one: it must be empty or new unless forced.
+///
+/// # Errors
+/// [`TaskError::OutputExists`] when it is in the way; a folder that cannot be read or made.
+pub fn prepare_folder(args: &OutArgs, default: &Path) -> Result<PathBuf, TaskError> {
     let folder = args.out.clone().unwrap_or_else(|| default.to_owned());
     let read = |source| TaskError::Read { path: folder.clone(), source };
     if folder.exists() && !folder.is_dir() {

@@ -173,7 +173,11 @@ pub(super) fn run_taped_and_write(
     run_kept_and_write(spec, folder, Keep { tapes, recorder: None }, interrupted, progress)
 }
 
-fn run_kept_and_write(
+/// Runs an episode, keeps what `keep` says, and writes its folder: map, report, summary and wall times.
+///
+/// # Errors
+/// Whatever is wrong with the input; a file that cannot be written.
+pub fn run_kept_and_write(
     spec: &RunSpec,
     folder: &Path,
     keep: Keep,
