@@ -1,6 +1,7 @@
 //! `dsm config show`, `dsm completions`, `dsm schema`.
 
 use super::output::{print, to_json};
+use super::suite_result::Suite;
 use super::{Cli, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
@@ -36,6 +37,8 @@ pub enum SchemaKind {
     Semantics,
     /// summary.json.
     Summary,
+    /// suite.json.
+    Suite,
 }
 
 /// Runs a config command.
@@ -74,6 +77,7 @@ pub(super) fn schema(kind: SchemaKind) -> anyhow::Result<u8> {
         SchemaKind::Robot => schemars::schema_for!(RobotSettings),
         SchemaKind::Semantics => schemars::schema_for!(Semantics),
         SchemaKind::Summary => schemars::schema_for!(Summary),
+        SchemaKind::Suite => schemars::schema_for!(Suite),
     };
     print(&to_json(&schema).map_err(|e| TaskError::Internal(e.to_string()))?)?;
     Ok(0)

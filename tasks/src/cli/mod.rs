@@ -33,6 +33,7 @@ mod suite_done;
 mod suite_parts;
 mod suite_recovery;
 mod suite_result;
+mod suite_spread;
 mod view;
 mod wire;
 
