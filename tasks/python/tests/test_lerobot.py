@@ -92,7 +92,10 @@ def test_files_that_are_full_are_followed_by_others(tmp_path: Path) -> None:
 
 
 def test_a_dataset_appears_whole_or_not_at_all(tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match="expected 12 images, got 11"), DatasetWriter(tmp_path / "set", SHAPE) as writer:
+    with (
+        pytest.raises(DatasetError, match="expected 12 images, got 11"),
+        DatasetWriter(tmp_path / "set", SHAPE) as writer,
+    ):
         writer.put(made_up(7, 0))
         broken = made_up(12, 1)
         broken.images = {"head": list(broken.images["head"])[:11]}
@@ -110,11 +113,16 @@ def test_a_dataset_appears_whole_or_not_at_all(tmp_path: Path) -> None:
         (lambda e: setattr(e, "state", e.state[:, :2]), r"observation.state: expected shape \(7, 3\), got \(7, 2\)"),
         (lambda e: e.action.__setitem__((3, 1), np.nan), "action: holds values that are not finite"),
         (lambda e: setattr(e, "images", {}), r"expected images of \['head'\], got \[\]"),
-        (lambda e: setattr(e, "images", {"head": [np.zeros((50, 64, 3), np.uint8)]}), "expected 8-bit images of 48 x 64"),
+        (
+            lambda e: setattr(e, "images", {"head": [np.zeros((50, 64, 3), np.uint8)]}),
+            "expected 8-bit images of 48 x 64",
+        ),
         (lambda e: setattr(e, "tasks", []), "expected at least one frame"),
     ],
 )
-def test_an_episode_that_does_not_fit_is_refused(tmp_path: Path, change: Callable[[Episode], None], expected: str) -> None:
+def test_an_episode_that_does_not_fit_is_refused(
+    tmp_path: Path, change: Callable[[Episode], None], expected: str
+) -> None:
     episode = made_up(7, 0)
     change(episode)
     with pytest.raises(DatasetError, match=expected), DatasetWriter(tmp_path / "set", SHAPE) as writer:
@@ -140,6 +148,15 @@ def change_column(name: str, column: str, change: Callable[[list[Any]], list[Any
         field = table.schema.field(column)
         values = pa.array(change(table[column].to_pylist()), type=field.type)
         pq.write_table(table.set_column(table.column_names.index(column), field, values), folder / name)
+
+    return apply
+
+
+def overwrite(name: str, content: bytes) -> Callable[[Path], None]:
+    """Puts a file into a dataset, or another one in its place."""
+
+    def apply(folder: Path) -> None:
+        (folder / name).write_bytes(content)
 
     return apply
 
@@ -174,7 +191,7 @@ def other_video(frames: int, fps: int, size: tuple[int, int]) -> Callable[[Path]
 
 INFO = "meta/info.json"
 BROKEN: dict[str, tuple[Callable[[Path], None], str, str]] = {
-    "no JSON": (lambda folder: (folder / INFO).write_text("{") and None, INFO, "expected JSON"),
+    "no JSON": (overwrite(INFO, b"{"), INFO, "expected JSON"),
     "an older version": (change_json(INFO, lambda info: info.update(codebase_version="v2.1")), INFO, "expected v3.0, got 'v2.1'"),
     "no rate": (change_json(INFO, lambda info: info.update(fps=0)), INFO, "fps: expected a whole number above 0, got 0"),
     "too many episodes": (change_json(INFO, lambda info: info.update(total_episodes=4)), "meta/episodes", "expected 4 episodes"),
@@ -192,8 +209,8 @@ BROKEN: dict[str, tuple[Callable[[Path], None], str, str]] = {
     "a wrong length": (change_column(EPISODES, "length", lambda v: put(v, 2, 19)), EPISODES, "episode 2: length"),
     "an unknown task": (change_column(EPISODES, "tasks", lambda v: put(v, 0, ["fly"])), EPISODES, "['fly'] are not in meta/tasks.parquet"),
     "no place of data": (drop_column(EPISODES, "data/file_index"), EPISODES, "expected the columns ['data/file_index']"),
-    "data that is no Parquet": (lambda folder: (folder / DATA).write_text("x") and None, DATA, "expected a Parquet file"),
-    "data that nobody names": (lambda folder: (folder / "data/chunk-000/file-007.parquet").write_bytes((folder / DATA).read_bytes()) and None, "data/chunk-000/file-007.parquet", "is named by no episode"),
+    "data that is no Parquet": (overwrite(DATA, b"x"), DATA, "expected a Parquet file"),
+    "data that nobody names": (overwrite("data/chunk-000/file-007.parquet", b"x"), "data/chunk-000/file-007.parquet", "is named by no episode"),
     "a frame twice": (change_column(DATA, "frame_index", lambda v: put(v, 5, 4)), DATA, "frame_index: row 5: expected 5, got 4"),
     "a late stamp": (change_column(DATA, "timestamp", lambda v: put(v, 15, 0.7)), DATA, "episode 1: timestamp: row 3: expected 0.6000 s, got 0.7000 s"),
     "a task of another": (change_column(DATA, "task_index", lambda v: put(v, 0, 3)), DATA, "episode 0: task_index: expected the tasks"),
@@ -202,7 +219,7 @@ BROKEN: dict[str, tuple[Callable[[Path], None], str, str]] = {
     "statistics of fewer": (change_json("meta/stats.json", lambda s: s["action"].update(count=[3])), "meta/stats.json", "count: expected 39 frames, got 3"),
     "a mean above all": (change_json("meta/stats.json", lambda s: s["action"].update(mean=[9.0, 9.0])), "meta/stats.json", "expected min <= mean <= max"),
     "no video": (lambda folder: (folder / VIDEO).unlink(), VIDEO, "expected this file"),
-    "a video that is none": (lambda folder: (folder / VIDEO).write_text("x") and None, VIDEO, "expected a video"),
+    "a video that is none": (overwrite(VIDEO, b"x"), VIDEO, "expected a video"),
     "a video of fewer frames": (other_video(38, 5, (48, 64)), VIDEO, "expected 39 frames for 3 episodes, got 38"),
     "a faster video": (other_video(39, 10, (48, 64)), VIDEO, "expected 5 frames a second, got 10"),
     "a larger video": (other_video(39, 5, (96, 64)), VIDEO, "expected images of 48 x 64 as meta/info.json says, got 96 x 64"),
@@ -220,8 +237,12 @@ def test_what_is_broken_is_found(tmp_path: Path, name: str) -> None:
 
 
 def test_a_folder_without_info_is_no_dataset(tmp_path: Path) -> None:
-    ended = subprocess.run([sys.executable, "-m", "dsm.lerobot", "check", str(tmp_path)], capture_output=True, text=True, check=False)
-    assert (ended.returncode, "is no LeRobotDataset: expected meta/info.json" in ended.stderr) == (2, True), ended.stderr
+    ended = subprocess.run(
+        [sys.executable, "-m", "dsm.lerobot", "check", str(tmp_path)], capture_output=True, text=True, check=False
+    )
+    assert (ended.returncode, "is no LeRobotDataset: expected meta/info.json" in ended.stderr) == (2, True), (
+        ended.stderr
+    )
 
 
 def test_a_velocity_holds_until_the_driver_stops_by_itself() -> None:
@@ -233,9 +254,22 @@ def test_a_velocity_holds_until_the_driver_stops_by_itself() -> None:
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording of ten seconds and the run's folder beside it."""
     folder = tmp_path_factory.mktemp("recorded")
-    words = ["run", str(EPISODE), "--seed", "1", "--time-limit-s", "10", "--record", str(folder / "run.mcap"), "--out", str(folder / "run")]
+    words = [
+        "run",
+        str(EPISODE),
+        "--seed",
+        "1",
+        "--time-limit-s",
+        "10",
+        "--record",
+        str(folder / "run.mcap"),
+        "--out",
+        str(folder / "run"),
+    ]
     settings = {name: value for name, value in os.environ.items() if not name.startswith("DSM_")}
-    ended = subprocess.run([sys.executable, "-m", "dsm", *words], env=settings, capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-m", "dsm", *words], env=settings, capture_output=True, text=True, check=False
+    )
     assert ended.returncode == 1, ended.stderr
     return folder
 
@@ -260,7 +294,9 @@ def test_a_dataset_has_the_numbers_and_images_of_the_recording(recorded: Path, e
     for row in (0, 17, len(table) - 1):
         at_s = frames[0].stamp_s + row / 5
         period = int(np.flatnonzero((column["now_s"] <= at_s + 1e-6) & np.isfinite(column["base.x_m"]))[-1])
-        assert state[row, features["observation.state"]["names"].index("base.x_m")] == np.float32(column["base.x_m"][period])
+        assert state[row, features["observation.state"]["names"].index("base.x_m")] == np.float32(
+            column["base.x_m"][period]
+        )
         within = (column["now_s"] >= at_s - 1e-6) & (column["now_s"] < at_s + 0.2 - 1e-6)
         turn = held_velocity(column["sent.base.turn_rad_per_s"], column["now_s"])[within].mean()
         assert action[row, features["action"]["names"].index("base.turn_rad_per_s")] == pytest.approx(turn, abs=1e-6)
@@ -278,12 +314,16 @@ def test_a_dataset_has_the_numbers_and_images_of_the_recording(recorded: Path, e
 
 def test_what_cannot_be_exported_is_said(recorded: Path, tmp_path: Path) -> None:
     def said(*words: str) -> str:
-        ended = subprocess.run([sys.executable, "-m", "dsm.lerobot", *words], capture_output=True, text=True, check=False)
+        ended = subprocess.run(
+            [sys.executable, "-m", "dsm.lerobot", *words], capture_output=True, text=True, check=False
+        )
         assert ended.returncode == 2, ended.stderr
         return ended.stderr
 
     out, run = str(tmp_path / "set"), str(recorded / "run.mcap")
-    assert "no image of camera ['nose']; it has images of ['head'" in said("export", run, "--out", out, "--camera", "nose")
+    assert "no image of camera ['nose']; it has images of ['head'" in said(
+        "export", run, "--out", out, "--camera", "nose"
+    )
     (tmp_path / "text.mcap").write_text("nothing")
     assert "text.mcap" in said("export", str(tmp_path / "text.mcap"), "--out", out)
     assert "expected a summary.json" in said("export", run, "--out", out, "--summary", run)
@@ -292,7 +332,9 @@ def test_what_cannot_be_exported_is_said(recorded: Path, tmp_path: Path) -> None
 
 
 def test_lerobot_reads_it(exported: Path) -> None:
-    loader = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="LeRobot is not installed: pip install lerobot")
+    loader = pytest.importorskip(
+        "lerobot.datasets.lerobot_dataset", reason="LeRobot is not installed: pip install lerobot"
+    )
     dataset = loader.LeRobotDataset("dsm/test", root=exported, video_backend="pyav")
     table = pq.read_table(exported / DATA)
     assert (len(dataset), dataset.fps, dataset.num_episodes) == (len(table), 5, 2)

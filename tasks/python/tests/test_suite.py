@@ -1,5 +1,5 @@
 """Contract: a suite spread over Ray's workers comes to the bytes of the suite that one process runs, whatever is killed
-on the way; its rows are in Parquet with the types of the program's schema; what cannot be run is said, and is code 2."""
+on the way; its rows are in Parquet with the types of the program's schema; what cannot be run is code 2."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ def environment() -> dict[str, str]:
 
 def run(module: str, *words: str) -> subprocess.CompletedProcess[str]:
     """Runs a module of the package to its end."""
-    return subprocess.run([sys.executable, "-m", module, *words], env=environment(), capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", module, *words], env=environment(), capture_output=True, text=True, check=False
+    )
 
 
 def spread(out: Path, *more: str) -> subprocess.Popen[str]:
@@ -168,7 +170,9 @@ def test_an_interrupted_suite_reports_what_is_done(alone: Path, tmp_path: Path) 
 def test_an_episode_whose_worker_always_dies_is_a_row(tmp_path: Path) -> None:
     program = tmp_path / "dsm"
     # Plans and gathers as ever; whoever runs an episode dies.
-    program.write_text(f'#!/bin/sh\ncase "$*" in *--plan*|*--gather*|schema*) exec {sys.executable} -m dsm "$@";; esac\nkill -9 $$\n')
+    program.write_text(
+        f'#!/bin/sh\ncase "$*" in *--plan*|*--gather*|schema*) exec {sys.executable} -m dsm "$@";; esac\nkill -9 $$\n'
+    )
     program.chmod(0o755)
     out = tmp_path / "out"
     ended = run("dsm.suite", SUITE[0], "--workers", "1", "--retries", "1", "--program", str(program), "--out", str(out))

@@ -57,8 +57,15 @@ def read_flags(words: Sequence[str]) -> tuple[Flags, list[str]]:
     parser.add_argument("--address", help="a Ray cluster, HOST:PORT or `auto`; without it workers of this machine")
     parser.add_argument("--workers", type=positive, help="episodes that run side by side; default: one per free core")
     parser.add_argument("--threads", type=positive, default=1, help="threads and cores of each episode; default: 1")
-    parser.add_argument("--retries", type=not_negative, default=3, help="how often an episode whose worker died is run again; default: 3")
-    parser.add_argument("--program", metavar="FILE", help="a `dsm` that each machine has at this path; default: this package")
+    parser.add_argument(
+        "--retries",
+        type=not_negative,
+        default=3,
+        help="how often an episode whose worker died is run again; default: 3",
+    )
+    parser.add_argument(
+        "--program", metavar="FILE", help="a `dsm` that each machine has at this path; default: this package"
+    )
     known, rest = parser.parse_known_args(words)
     program = (str(Path(known.program).resolve()),) if known.program else (sys.executable, "-m", "dsm")
     return Flags(known.address, known.workers, known.retries, known.threads, program), rest

@@ -94,7 +94,7 @@ def suite_of_one(job: Job, file: str, out: Path) -> list[str]:
 
 
 def dies_with(parent: int) -> Callable[[], None] | None:
-    """Lets a process end with its worker; only Linux knows how. Elsewhere it runs to its end, and nobody hears of it."""
+    """Lets a process end with its worker; only Linux knows how. Elsewhere it runs on, and nobody hears of it."""
     if sys.platform != "linux":
         return None
     library = ctypes.CDLL(None)

@@ -13,14 +13,18 @@ from dsm.lerobot import DatasetError, check_dataset, export_runs
 
 def read_arguments(words: Sequence[str]) -> argparse.Namespace:
     """Parses the command line."""
-    parser = argparse.ArgumentParser(prog="python -m dsm.lerobot", description="Datasets in the format LeRobotDataset v3.0.")
+    parser = argparse.ArgumentParser(
+        prog="python -m dsm.lerobot", description="Datasets in the format LeRobotDataset v3.0."
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     export = commands.add_parser("export", help="write recordings as a dataset")
     export.add_argument("recordings", nargs="+", metavar="RUN.mcap", help="what `dsm run --record` has written")
     export.add_argument("--out", required=True, metavar="DIR", help="folder of the dataset; it must be new or empty")
     export.add_argument("--camera", action="append", metavar="NAME", help="a camera; may be given again; default: head")
     export.add_argument("--fps", type=int, help="frames a second; default: as the first camera")
-    export.add_argument("--summary", action="append", default=[], metavar="FILE", help="summary.json of a run; may be given again")
+    export.add_argument(
+        "--summary", action="append", default=[], metavar="FILE", help="summary.json of a run; may be given again"
+    )
     check = commands.add_parser("check", help="say what is wrong with a dataset; code 1 when something is")
     check.add_argument("dataset", type=Path, metavar="DIR")
     arguments = parser.parse_args(words)
@@ -36,7 +40,9 @@ def main(words: Sequence[str] | None = None) -> int:
         if arguments.command == "check":
             return check(arguments.dataset)
         cameras = arguments.camera or ["head"]
-        out = export_runs(arguments.recordings, arguments.out, cameras=cameras, fps=arguments.fps, summaries=arguments.summary)
+        out = export_runs(
+            arguments.recordings, arguments.out, cameras=cameras, fps=arguments.fps, summaries=arguments.summary
+        )
         print(f"{len(arguments.recordings)} episodes in {out}")
         return 0
     except (DatasetError, Error) as error:
@@ -53,7 +59,10 @@ def check(folder: Path) -> int:
         print(finding)
     if not dataset.findings:
         info = dataset.info
-        print(f"{folder}: LeRobotDataset {info['codebase_version']}, {info['total_episodes']} episodes, {info['total_frames']} frames")
+        print(
+            f"{folder}: LeRobotDataset {info['codebase_version']}, {info['total_episodes']} episodes,"
+            f" {info['total_frames']} frames"
+        )
     return 1 if dataset.findings else 0
 
 

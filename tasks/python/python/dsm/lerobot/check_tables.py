@@ -45,7 +45,9 @@ def check_tasks(dataset: Dataset) -> None:
     if len(set(tasks)) != len(tasks) or not all(isinstance(task, str) and task for task in tasks):
         dataset.find(layout.TASKS, "expected texts that are not empty and differ from each other")
     if len(tasks) != dataset.info["total_tasks"]:
-        dataset.find(layout.TASKS, f"expected {dataset.info['total_tasks']} tasks as {layout.INFO} says, got {len(tasks)}")
+        dataset.find(
+            layout.TASKS, f"expected {dataset.info['total_tasks']} tasks as {layout.INFO} says, got {len(tasks)}"
+        )
     dataset.tasks = tasks
 
 
@@ -70,10 +72,14 @@ def check_episodes(dataset: Dataset) -> None:
         for row in table.select(wanted).to_pylist():
             check_episode(dataset, name, row)
     if (found := len(dataset.episodes)) != dataset.info["total_episodes"]:
-        dataset.find("meta/episodes", f"expected {dataset.info['total_episodes']} episodes as {layout.INFO} says, got {found}")
+        dataset.find(
+            "meta/episodes", f"expected {dataset.info['total_episodes']} episodes as {layout.INFO} says, got {found}"
+        )
     end = dataset.episodes[-1]["dataset_to_index"] if dataset.episodes else 0
     if end != dataset.info["total_frames"]:
-        dataset.find("meta/episodes", f"expected {dataset.info['total_frames']} frames as {layout.INFO} says, got {end}")
+        dataset.find(
+            "meta/episodes", f"expected {dataset.info['total_frames']} frames as {layout.INFO} says, got {end}"
+        )
 
 
 def check_episode(dataset: Dataset, name: str, row: dict[str, Any]) -> None:
@@ -89,8 +95,13 @@ def check_episode(dataset: Dataset, name: str, row: dict[str, Any]) -> None:
     if row["dataset_from_index"] != begin:
         dataset.find(name, f"{where}: dataset_from_index: expected {begin}, got {row['dataset_from_index']}")
     if not 0 < row["length"] == row["dataset_to_index"] - row["dataset_from_index"]:
-        dataset.find(name, f"{where}: length: expected as many frames as from dataset_from_index to dataset_to_index, got {row['length']}")
-    own = layout.EPISODES.format(chunk_index=row["meta/episodes/chunk_index"], file_index=row["meta/episodes/file_index"])
+        dataset.find(
+            name,
+            f"{where}: length: expected dataset_to_index - dataset_from_index, above 0, got {row['length']}",
+        )
+    own = layout.EPISODES.format(
+        chunk_index=row["meta/episodes/chunk_index"], file_index=row["meta/episodes/file_index"]
+    )
     if own != name:
         dataset.find(name, f"{where}: meta/episodes: says that it stands in {own}")
     if unknown := [task for task in row["tasks"] if task not in dataset.tasks]:
@@ -131,7 +142,9 @@ def check_columns(dataset: Dataset, name: str, table: Any) -> bool:
     before = len(dataset.findings)
     if set(table.column_names) != set(features):
         missing, more = set(features) - set(table.column_names), set(table.column_names) - set(features)
-        dataset.find(name, f"expected the columns of {layout.INFO}: missing {sorted(missing)}, not expected {sorted(more)}")
+        dataset.find(
+            name, f"expected the columns of {layout.INFO}: missing {sorted(missing)}, not expected {sorted(more)}"
+        )
         return False
     for key, feature in features.items():
         kind, column = feature["dtype"], table.schema.field(key).type
@@ -160,7 +173,11 @@ def check_rows(dataset: Dataset, name: str, row: dict[str, Any], table: Any) -> 
     late = np.flatnonzero(~(np.abs(column["timestamp"] - frame / dataset.info["fps"]) <= TIME_TOLERANCE_S))
     if late.size:
         at = int(late[0])
-        dataset.find(name, f"{where}: timestamp: row {at}: expected {at / dataset.info['fps']:.4f} s, got {column['timestamp'][at]:.4f} s")
+        dataset.find(
+            name,
+            f"{where}: timestamp: row {at}: expected {at / dataset.info['fps']:.4f} s,"
+            f" got {column['timestamp'][at]:.4f} s",
+        )
     numbers = set(column["task_index"].tolist())
     if not all(0 <= number < len(dataset.tasks) for number in numbers):
         dataset.find(name, f"{where}: task_index: expected 0 to {len(dataset.tasks) - 1}, got {sorted(numbers)}")

@@ -34,7 +34,11 @@ def check_ranges(dataset: Dataset, key: str, name: str, rows: list[dict[str, Any
             dataset.find(name, f"{where}: from_timestamp: expected {end:.4f} s or later, got {begin:.4f} s")
         length_s = row["length"] / dataset.info["fps"]
         if abs(upto - begin - length_s) > TIME_TOLERANCE_S:
-            dataset.find(name, f"{where}: to_timestamp: expected {begin + length_s:.4f} s for {row['length']} frames, got {upto:.4f} s")
+            dataset.find(
+                name,
+                f"{where}: to_timestamp: expected {begin + length_s:.4f} s for {row['length']} frames,"
+                f" got {upto:.4f} s",
+            )
         end = upto
 
 
@@ -63,7 +67,9 @@ def check_video(dataset: Dataset, key: str, name: str, rows: list[dict[str, Any]
     feature = dataset.info["features"][key]
     expected = size_of(feature)
     if found != expected:
-        dataset.find(name, f"expected images of {expected[0]} x {expected[1]} as {layout.INFO} says, got {found[0]} x {found[1]}")
+        dataset.find(
+            name, f"expected images of {expected[0]} x {expected[1]} as {layout.INFO} says, got {found[0]} x {found[1]}"
+        )
     fps = dataset.info["fps"]
     if abs(rate - fps) > 1e-3:
         dataset.find(name, f"expected {fps} frames a second, got {rate:g}")

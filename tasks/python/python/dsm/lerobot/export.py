@@ -24,7 +24,7 @@ def export_runs(
     `fps` is how many frames a second it has, by default as many as the first camera takes. `summaries` are files
     `summary.json` of the same runs, which tell whether they succeeded: a recording itself holds no truth.
 
-    Raises `DatasetError`: the runs do not fit each other, or the folder is not empty; `dsm.Error`: a recording is damaged.
+    Raises `DatasetError`: the runs do not fit each other, or the folder is not empty; `dsm.Error`: damage.
     """
     if not recordings:
         raise DatasetError("expected at least one recording")
@@ -35,6 +35,8 @@ def export_runs(
         for number, path in enumerate(recordings):
             run = first if number == 0 else Run(Path(path), tuple(cameras))
             if (own := run.shape(shape.fps)) != shape:
-                raise DatasetError(f"{path}: expected the robot, joints and images of {recordings[0]}: {shape}, got {own}")
+                raise DatasetError(
+                    f"{path}: expected the robot, joints and images of {recordings[0]}: {shape}, got {own}"
+                )
             writer.put(run.episode(shape, verdicts))
     return Path(out)

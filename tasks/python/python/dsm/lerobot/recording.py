@@ -67,7 +67,9 @@ class Run:
             sizes[frame.camera] = (height, width)
         if missing := [camera for camera in cameras if camera not in stamps]:
             raise DatasetError(f"{self.path}: no image of camera {missing}; it has images of {sorted(stamps)}")
-        return Sight({camera: np.array(stamps[camera]) for camera in cameras}, {camera: sizes[camera] for camera in cameras})
+        return Sight(
+            {camera: np.array(stamps[camera]) for camera in cameras}, {camera: sizes[camera] for camera in cameras}
+        )
 
     @property
     def joints(self) -> list[str]:
@@ -84,7 +86,12 @@ class Run:
     def shape(self, fps: int | None) -> Shape:
         """What a dataset of such runs has in common."""
         state = (*BASE, *(f"{joint}.position" for joint in self.joints), "gripper.width_m")
-        action = ("base.forward_m_per_s", "base.turn_rad_per_s", *(f"{joint}.velocity" for joint in self.joints), "gripper.width_m")
+        action = (
+            "base.forward_m_per_s",
+            "base.turn_rad_per_s",
+            *(f"{joint}.velocity" for joint in self.joints),
+            "gripper.width_m",
+        )
         return Shape(self.head["robot"], fps or self.guess_fps(), state, action, dict(self.sight.sizes))
 
     def episode(self, shape: Shape, verdicts: dict[tuple[str, int], bool]) -> Episode:
@@ -93,7 +100,9 @@ class Run:
         end_s = float(self.table[-1, self.column["now_s"]])
         frames = int((end_s - begin_s) * shape.fps + ROUNDING_S)
         if frames < 1:
-            raise DatasetError(f"{self.path}: expected at least one frame of 1/{shape.fps} s, got {end_s - begin_s:.3f} s")
+            raise DatasetError(
+                f"{self.path}: expected at least one frame of 1/{shape.fps} s, got {end_s - begin_s:.3f} s"
+            )
         at_s = begin_s + np.arange(frames + 1) / shape.fps
         state = self.measured(shape.state, at_s[:-1])
         action = self.sent(shape.action, at_s)

@@ -63,8 +63,14 @@ class Episode:
 class DatasetWriter:
     """A dataset that is being written. As a context it is finished when all went well, else removed."""
 
-    def __init__(self, folder: Path, shape: Shape, *, data_file_mb: float = layout.DATA_FILE_MB,
-                 video_file_mb: float = layout.VIDEO_FILE_MB) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        shape: Shape,
+        *,
+        data_file_mb: float = layout.DATA_FILE_MB,
+        video_file_mb: float = layout.VIDEO_FILE_MB,
+    ) -> None:
         """Raises `DatasetError` when the folder exists and is not empty."""
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise DatasetError(f"{folder}: is not empty; a dataset replaces nothing")
@@ -125,7 +131,10 @@ class DatasetWriter:
         shape, name = self.shape, f"episode {len(self.episodes)}"
         if length == 0:
             raise DatasetError(f"{name}: expected at least one frame")
-        for what, values, names in (("observation.state", episode.state, shape.state), ("action", episode.action, shape.action)):
+        for what, values, names in (
+            ("observation.state", episode.state, shape.state),
+            ("action", episode.action, shape.action),
+        ):
             if values.shape != (length, len(names)):
                 raise DatasetError(f"{name}: {what}: expected shape {(length, len(names))}, got {values.shape}")
             if not np.isfinite(values).all():
@@ -175,7 +184,9 @@ class DatasetWriter:
         begin, counted = file.frames, ImageStats()
         for image in images:
             if image.shape != (*size, 3) or image.dtype != np.uint8:
-                raise DatasetError(f"{key}: expected 8-bit images of {size[0]} x {size[1]}, got {image.dtype} {image.shape}")
+                raise DatasetError(
+                    f"{key}: expected 8-bit images of {size[0]} x {size[1]}, got {image.dtype} {image.shape}"
+                )
             file.put(image)
             counted.add(image)
         if counted.frames != length:
@@ -268,10 +279,29 @@ class DatasetWriter:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        column = {"metadata": None, "field_name": layout.TASK_COLUMN, "name": None, "numpy_type": "object", "pandas_type": "unicode"}
-        number = {"metadata": None, "field_name": "task_index", "name": "task_index", "numpy_type": "int64", "pandas_type": "int64"}
-        pandas = {"index_columns": [layout.TASK_COLUMN], "column_indexes": [], "columns": [number, column], "pandas_version": "2.0.0"}
-        table = pa.table({"task_index": pa.array(list(self.tasks.values()), pa.int64()), layout.TASK_COLUMN: list(self.tasks)})
+        column = {
+            "metadata": None,
+            "field_name": layout.TASK_COLUMN,
+            "name": None,
+            "numpy_type": "object",
+            "pandas_type": "unicode",
+        }
+        number = {
+            "metadata": None,
+            "field_name": "task_index",
+            "name": "task_index",
+            "numpy_type": "int64",
+            "pandas_type": "int64",
+        }
+        pandas = {
+            "index_columns": [layout.TASK_COLUMN],
+            "column_indexes": [],
+            "columns": [number, column],
+            "pandas_version": "2.0.0",
+        }
+        table = pa.table(
+            {"task_index": pa.array(list(self.tasks.values()), pa.int64()), layout.TASK_COLUMN: list(self.tasks)}
+        )
         path = self.part / layout.TASKS
         path.parent.mkdir(parents=True, exist_ok=True)
         pq.write_table(table.replace_schema_metadata({"pandas": json.dumps(pandas)}), path)
