@@ -11,9 +11,11 @@ Needs the extra ``dsm[ray]``. See ``docs/batch.md``.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
@@ -23,12 +25,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dsm.suite_episode import Job, Lost, Ran, run_episode, unpack_folder
+from dsm.suite_episode import Job, Lost, Ran, name_program, run_episode, unpack_folder
 from dsm.suite_inputs import InputsTooLarge, list_inputs, pack_inputs
 from dsm.suite_rows import write_rows
 
 OBJECT_STORE_BYTES = 512 << 20
 """What embedded workers may hold of results that were not fetched yet; one is a few megabytes."""
+
+STARTS = 3
+"""How often workers of this machine are tried to be started."""
+
+ANSWER_S = 10.0
+"""How long a cluster may take to answer."""
 
 
 class SuiteError(Exception):
@@ -43,7 +51,8 @@ class Flags:
     workers: int | None
     retries: int
     threads: int
-    program: tuple[str, ...]
+    program: str | None
+    """A file that each machine has; `None` for this package, wherever a machine has it."""
 
 
 def read_flags(words: Sequence[str]) -> tuple[Flags, list[str]]:
@@ -67,7 +76,7 @@ def read_flags(words: Sequence[str]) -> tuple[Flags, list[str]]:
         "--program", metavar="FILE", help="a `dsm` that each machine has at this path; default: this package"
     )
     known, rest = parser.parse_known_args(words)
-    program = (str(Path(known.program).resolve()),) if known.program else (sys.executable, "-m", "dsm")
+    program = str(Path(known.program).resolve()) if known.program else None
     return Flags(known.address, known.workers, known.retries, known.threads, program), rest
 
 
@@ -88,7 +97,8 @@ def not_negative(text: str) -> int:
 def main(words: Sequence[str] | None = None) -> int:
     """Plans, spreads, gathers; gives the exit code of ``dsm suite``."""
     flags, rest = read_flags(sys.argv[1:] if words is None else words)
-    planned = subprocess.run([*flags.program, "suite", *rest, "--plan"], stdout=subprocess.PIPE, check=False)
+    program = name_program(flags.program)
+    planned = subprocess.run([*program, "suite", *rest, "--plan"], stdout=subprocess.PIPE, check=False)
     if planned.returncode != 0:
         return planned.returncode
     plan = json.loads(planned.stdout)
@@ -96,6 +106,7 @@ def main(words: Sequence[str] | None = None) -> int:
     lines: list[dict[str, Any]] = []
     interrupted = False
     try:
+        check_packages()
         spread(plan["episodes"], folder, flags, lines)
     except KeyboardInterrupt:
         interrupted = True
@@ -104,8 +115,15 @@ def main(words: Sequence[str] | None = None) -> int:
         return 2
     code = gather(flags, rest, lines)
     if code in (0, 1):
-        write_rows(folder, flags.program)
+        write_rows(folder, program)
     return 130 if interrupted else code
+
+
+def check_packages() -> None:
+    """What is not installed is told of before hours of work, not after."""
+    for name in ("pyarrow", "ray"):
+        if importlib.util.find_spec(name) is None:
+            raise SuiteError(f"{name} is not installed: pip install 'dsm[ray]'; `dsm suite` needs none of it")
 
 
 def gather(flags: Flags, rest: Sequence[str], lines: list[dict[str, Any]]) -> int:
@@ -113,7 +131,7 @@ def gather(flags: Flags, rest: Sequence[str], lines: list[dict[str, Any]]) -> in
     with tempfile.NamedTemporaryFile("w", suffix=".json") as file:
         json.dump(lines, file)
         file.flush()
-        command = [*flags.program, "suite", *rest, "--gather", file.name]
+        command = [*name_program(flags.program), "suite", *rest, "--gather", file.name]
         return subprocess.run(command, check=False).returncode
 
 
@@ -134,24 +152,42 @@ def cluster(flags: Flags) -> Iterator[Any]:
     """Connects to the cluster, or starts workers on this machine; ends both again."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
-    try:
-        import ray
-    except ImportError as error:
-        raise SuiteError("Ray is not installed: pip install 'dsm[ray]'; `dsm suite` needs none") from error
-    common: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
-    try:
-        if flags.address is None:
-            cores = flags.threads * (flags.workers or max(1, (os.cpu_count() or 1) // flags.threads))
-            store = {"object_store_memory": OBJECT_STORE_BYTES, "include_dashboard": False}
-            ray.init(address="local", num_cpus=cores, **store, **common)
-        else:
-            ray.init(address=flags.address, **common)
-    except (ConnectionError, ValueError, RuntimeError) as error:
-        raise SuiteError(f"no Ray cluster at {flags.address or 'this machine'}: {error}") from error
+    import ray
+
+    for left in reversed(range(STARTS)):
+        try:
+            start(ray, flags)
+            break
+        except OSError as error:
+            raise SuiteError(f"no Ray cluster at {flags.address}: {error}") from error
+        # Ray raises plain exceptions, too: on a busy machine it gives its own processes 30 s to begin.
+        except Exception as error:
+            ray.shutdown()
+            if flags.address is not None or left == 0:
+                raise SuiteError(f"Ray does not start: {error}") from error
     try:
         yield ray
     finally:
         ray.shutdown()
+
+
+def start(ray: Any, flags: Flags) -> None:
+    """Connects to the cluster, or starts workers on this machine."""
+    common: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
+    if flags.address is not None:
+        reach(flags.address)
+        ray.init(address=flags.address, **common)
+        return
+    cores = flags.threads * (flags.workers or max(1, (os.cpu_count() or 1) // flags.threads))
+    store = {"object_store_memory": OBJECT_STORE_BYTES, "include_dashboard": False}
+    ray.init(address="local", num_cpus=cores, **store, **common)
+
+
+def reach(address: str) -> None:
+    """Tries whether somebody listens; Ray itself would try for minutes. Raises `OSError`."""
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if colon and port.isdecimal():
+        socket.create_connection((host, int(port)), timeout=ANSWER_S).close()
 
 
 class Spread:

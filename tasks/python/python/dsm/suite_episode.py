@@ -26,7 +26,8 @@ class Job:
 
     episode: dict[str, Any]
     """As `dsm suite --plan` prints it."""
-    program: tuple[str, ...]
+    program: str | None
+    """As `name_program` takes it."""
     threads: int
     inputs: Inputs
     bundle: list[Any]
@@ -58,8 +59,14 @@ class NodeError(Exception):
     """A machine cannot run the episodes of this suite."""
 
 
+def name_program(file: str | None) -> list[str]:
+    """The words that begin a command line: a file, or this package as this machine has it."""
+    return [file] if file is not None else [sys.executable, "-m", "dsm"]
+
+
 def run_episode(job: Job) -> Ran | Lost:
     """Runs an episode where Ray has put this call."""
+    program = name_program(job.program)
     with tempfile.TemporaryDirectory(prefix="dsm-suite-") as scratch:
         if has_inputs(job.inputs):
             file, working_folder = job.inputs.file, job.inputs.working_folder
@@ -70,7 +77,7 @@ def run_episode(job: Job) -> Ran | Lost:
             working_folder = scratch
         out = Path(scratch, "out")
         ended = subprocess.run(
-            [*job.program, *suite_of_one(job, file, out)],
+            [*program, *suite_of_one(job, file, out)],
             cwd=working_folder, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
             preexec_fn=dies_with(os.getpid()), check=False,
         )  # fmt: skip
@@ -79,7 +86,7 @@ def run_episode(job: Job) -> Ran | Lost:
         node = os.uname().nodename
         if ended.returncode not in (0, 1):
             said = ended.stderr.decode(errors="replace").strip()
-            raise NodeError(f"{node}: {' '.join(job.program)} ended with {ended.returncode}: {said}")
+            raise NodeError(f"{node}: {' '.join(program)} ended with {ended.returncode}: {said}")
         return read_episode(job, out, node)
 
 
