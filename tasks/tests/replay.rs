@@ -13,7 +13,7 @@ use bench::Bench;
 use dsm::time::Stamp;
 use dsm_robot::recorded::Answers;
 use dsm_tasks::mcap_file::{create_run, open_run};
-use dsm_tasks::replay::{Differing, Entry, PlayOptions, ReplayReport, Sight, Wanted, play};
+use dsm_tasks::replay::{Differing, Entry, PlayOptions, ReplayReport, Sight, Wanted, play, read_table};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -91,8 +91,32 @@ fn a_recorded_run_replays_to_the_same() {
     let pixels = good(&bench, &["replay", "run.mcap", "--detector", "pixels"], 1);
     assert!(pixels.contains("Map differs first"), "{pixels}");
 
+    numbers_are_those_of_the_periods(&bench);
     changes_are_located(&bench);
     cuts_replay_up_to_there(&bench);
+}
+
+fn numbers_are_those_of_the_periods(bench: &Bench) {
+    let open = || open_run(&bench.path().join("run.mcap"), Wanted::AllButFrames).unwrap();
+    let table = read_table(&mut *open()).unwrap();
+    let column = |name: &str| table.columns.iter().position(|column| column == name).unwrap();
+    let rows: Vec<&[f64]> = table.values.chunks(table.columns.len()).collect();
+    let (mut source, mut periods) = (open(), 0);
+    while let Some(entry) = source.next_entry().unwrap() {
+        let Entry::Period(period) = entry else { continue };
+        let row = rows[periods];
+        periods += 1;
+        assert_eq!(row[column("now_s")], period.now.as_s());
+        let at = period.world_from_base.find(0).map(|answer| answer.as_ref().unwrap().pose.translation.x);
+        assert_eq!(row[column("base.x_m")].to_bits(), at.unwrap_or(f64::NAN).to_bits());
+        let sent = period.head.commands.last().map(|exchange| exchange.answer.as_ref().unwrap());
+        let names = table.head.head_joints.iter().map(|name| name.as_str().into()).collect();
+        let sent = sent.map(|sent| sent.find_velocities(&names).unwrap().values()[0]);
+        let name = format!("sent.{}.velocity", table.head.head_joints[0]);
+        assert_eq!(row[column(&name)].to_bits(), sent.unwrap_or(f64::NAN).to_bits());
+    }
+    assert_eq!((periods, periods > 800), (rows.len(), true));
+    assert_eq!(table.end.unwrap().steps.len(), 1);
 }
 
 fn changes_are_located(bench: &Bench) {

@@ -21,6 +21,8 @@ mod map;
 mod plain;
 mod plugged;
 mod process;
+#[cfg(feature = "mcap")]
+mod recording;
 mod senses;
 mod session;
 mod spec;
@@ -43,6 +45,9 @@ mod _dsm {
     use super::frame::Frame;
     #[pymodule_export]
     use super::map::Map;
+    #[cfg(feature = "mcap")]
+    #[pymodule_export]
+    use super::recording::{RecordedFrames, Recording};
     #[pymodule_export]
     use super::session::Session;
     #[pymodule_export]

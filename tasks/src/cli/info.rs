@@ -1,6 +1,7 @@
 //! `dsm config show`, `dsm completions`, `dsm schema`.
 
 use super::output::{print, to_json};
+use super::suite_result::Suite;
 use super::{Cli, Output, ResultArgs, WorldArgs};
 use crate::episode::Episode;
 use crate::error::TaskError;
@@ -36,6 +37,8 @@ pub enum SchemaKind {
     Semantics,
     /// summary.json.
     Summary,
+    /// suite.json.
+    Suite,
 }
 
 /// Runs a config command.
@@ -80,6 +83,7 @@ pub fn schema_value(kind: SchemaKind) -> serde_json::Value {
         SchemaKind::Robot => schemars::schema_for!(RobotSettings),
         SchemaKind::Semantics => schemars::schema_for!(Semantics),
         SchemaKind::Summary => schemars::schema_for!(Summary),
+        SchemaKind::Suite => schemars::schema_for!(Suite),
     };
     schema.to_value()
 }

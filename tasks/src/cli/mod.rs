@@ -38,6 +38,7 @@ mod suite_page;
 mod suite_parts;
 mod suite_recovery;
 mod suite_result;
+mod suite_spread;
 mod view;
 mod wire;
 

@@ -1,12 +1,13 @@
 //! `dsm suite PATH...` and `dsm suite --generate N`: many episodes, many seeds, one table.
 
-use super::output::{prepare_suite_folder, to_json};
+use super::output::{prepare_suite_folder, print, to_json};
 use super::run::{catch_interrupt, prepare, run_and_write, set_threads};
 use super::scene::write_scene;
 use super::suite_done::{Fingerprint, Program, find_done, write_done};
 use super::suite_file::SUITE_FILE;
 use super::suite_page::write_index;
 use super::suite_result::{Suite, SuiteEpisode};
+use super::suite_spread::{gather, plan};
 use super::{OutArgs, Output, ResultArgs, WorldArgs};
 use crate::episode_generator::{Disturb, KINDS, Kind, write_episodes, write_sequences};
 use crate::error::TaskError;
@@ -62,6 +63,14 @@ pub struct SuiteArgs {
     /// Episodes that run side by side; never changes a result.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     workers: u16,
+    /// Run nothing: print what is to be run as JSON, and whether it is done already. `python -m dsm.suite` spreads it over
+    /// machines; see docs/batch.md.
+    #[arg(long, conflicts_with = "gather")]
+    plan: bool,
+    /// Run nothing: write the report from the episodes that are done below --out and from the lines in this file, a JSON
+    /// array of `episodes` as in suite.json, for those that did not come to their end.
+    #[arg(long, value_name = "LINES")]
+    gather: Option<PathBuf>,
     /// Write a JUnit file; its times are simulated.
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
@@ -93,8 +102,15 @@ pub(super) fn run(args: SuiteArgs) -> anyhow::Result<u8> {
         None => named,
     };
     let specs = with_one_language(specs);
+    if args.plan {
+        print(&to_json(&plan(&specs, &folder, args.out.force))?)?;
+        return Ok(0);
+    }
     let interrupted = catch_interrupt()?;
-    let mut episodes = run_all(&specs, &folder, usize::from(args.workers), args.out.force, &interrupted)?;
+    let mut episodes = match &args.gather {
+        Some(lines) => gather(&specs, &folder, lines)?,
+        None => run_all(&specs, &folder, usize::from(args.workers), args.out.force, &interrupted)?,
+    };
     episodes.sort_by(|a, b| (&a.id, a.seed).cmp(&(&b.id, b.seed)));
     let suite = Suite::new(episodes);
     write_atomically(&folder.join(SUITE_FILE), to_json(&suite)?.as_bytes()).map_err(TaskError::from)?;
@@ -111,9 +127,14 @@ pub(super) fn run(args: SuiteArgs) -> anyhow::Result<u8> {
 
 /// The runs of episode files; every file is checked before anything is run or written.
 fn find_specs(files: &[PathBuf], args: &SuiteArgs) -> Result<Vec<RunSpec>, TaskError> {
-    let mut specs = Vec::new();
+    let mut specs: Vec<RunSpec> = Vec::new();
     for file in files {
         let (spec, settings) = prepare(file, &args.world)?;
+        if let Some(other) = specs.iter().find(|other| other.name == spec.name) {
+            let (one, other) = (other.file.display(), file.display());
+            let reason = format!("{one} and {other} have one name, and so one folder in --out; rename one of them");
+            return Err(TaskError::Usage(reason));
+        }
         set_threads_once(settings.threads.value, specs.is_empty())?;
         crate::assemble::check(&spec)?;
         match args.seeds {
@@ -254,6 +275,19 @@ fn run_all(
     done.into_inner().map_err(|_| TaskError::Internal("a worker panicked".into()))
 }
 
+/// The folder of an episode in that of its suite.
+pub(super) fn own_folder(spec: &RunSpec, folder: &Path) -> PathBuf {
+    folder.join(format!("{}-{}", spec.name, spec.seed))
+}
+
+/// The line of an episode that broke, and its page.
+fn crashed(spec: &RunSpec, own: &Path, reason: String) -> SuiteEpisode {
+    // The line says what went wrong, whether its page can be written or not.
+    let _ = std::fs::create_dir_all(own);
+    let _ = write_atomically(&own.join(FAILURE_FILE), crash_page(spec, &reason).as_bytes());
+    SuiteEpisode::without_metrics(&spec.name, spec.seed, Stage::Crash, reason)
+}
+
 /// Runs one episode, or takes what an earlier suite left of it; whatever goes wrong becomes a line.
 fn run_one(
     spec: &RunSpec,
@@ -262,19 +296,13 @@ fn run_one(
     program: Program,
     interrupted: &Arc<AtomicBool>,
 ) -> SuiteEpisode {
-    let own = folder.join(format!("{}-{}", spec.name, spec.seed));
+    let own = own_folder(spec, folder);
     let fingerprint = Fingerprint::of(spec, program);
     if let (false, Some(fingerprint)) = (force, &fingerprint)
         && let Some(done) = find_done(&own, fingerprint)
     {
         return done;
     }
-    let failed = |stage: Stage, reason: String| {
-        // The line says what went wrong, whether its page can be written or not.
-        let _ = std::fs::create_dir_all(&own);
-        let _ = write_atomically(&own.join(FAILURE_FILE), crash_page(spec, &reason).as_bytes());
-        SuiteEpisode::without_metrics(&spec.name, spec.seed, stage, reason)
-    };
     // Half a folder of an interrupted suite is replaced.
     let out = OutArgs { out: Some(own.clone()), force: true };
     let result = catch_unwind(AssertUnwindSafe(|| {
@@ -292,11 +320,11 @@ fn run_one(
             }
             line
         }
-        Ok(Err(error)) => failed(Stage::Crash, error.to_string()),
+        Ok(Err(error)) => crashed(spec, &own, error.to_string()),
         Err(panic) => {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message");
-            failed(Stage::Crash, format!("the episode panicked: {text}"))
+            crashed(spec, &own, format!("the episode panicked: {text}"))
         }
     }
 }

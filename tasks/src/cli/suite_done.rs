@@ -5,14 +5,15 @@ use super::suite_result::SuiteEpisode;
 use crate::error::TaskError;
 use crate::run::RunSpec;
 use dsm::store::write_atomically;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Name of the file.
 const DONE_FILE: &str = "done.json";
 
 /// All that decides an episode, as one number: the program, the run's settings, and the files of its scene.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub(super) struct Fingerprint(String);
 
 #[derive(Serialize, Deserialize)]
@@ -51,11 +52,25 @@ impl Fingerprint {
 pub(super) struct Program(Option<u64>);
 
 impl Program {
-    /// Reads the running executable.
+    /// Reads the file that holds this code: the running executable, or the library that Python has loaded.
     pub(super) fn read() -> Self {
-        let bytes = std::env::current_exe().and_then(std::fs::read);
-        Self(bytes.ok().map(|bytes| hash(BASIS, &bytes)))
+        let file = find_own_library().map_or_else(std::env::current_exe, Ok);
+        Self(file.and_then(std::fs::read).ok().map(|bytes| hash(BASIS, &bytes)))
     }
+}
+
+/// The file from which Linux has loaded this function; `None` elsewhere.
+fn find_own_library() -> Option<PathBuf> {
+    let here = find_own_library as fn() -> Option<PathBuf> as usize;
+    // A line is `FROM-TO FLAGS OFFSET DEVICE INODE    PATH`.
+    let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
+    maps.lines().find_map(|line| {
+        let (range, rest) = line.split_once(' ')?;
+        let (from, to) = range.split_once('-')?;
+        let (from, to) = (usize::from_str_radix(from, 16).ok()?, usize::from_str_radix(to, 16).ok()?);
+        let path = rest.find('/').map(|at| PathBuf::from(&rest[at..]));
+        path.filter(|_| (from..to).contains(&here))
+    })
 }
 
 /// Where FNV-1a begins.
@@ -82,9 +97,14 @@ pub(super) fn write_done(folder: &Path, fingerprint: &Fingerprint, line: &SuiteE
 
 #[cfg(test)]
 mod tests {
-    //! Contract: only a whole episode of the same fingerprint is taken over.
+    //! Contract: only a whole episode of the same fingerprint is taken over; the program is the file that holds this code.
     use super::*;
     use crate::summary::Stage;
+
+    #[test]
+    fn the_code_is_found_in_the_program_that_runs_it() {
+        assert_eq!(find_own_library(), std::env::current_exe().ok());
+    }
 
     #[test]
     fn only_a_whole_episode_of_the_same_fingerprint_is_done() {

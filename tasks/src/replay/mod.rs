@@ -16,6 +16,7 @@ mod recorder;
 mod regression;
 mod report;
 mod source;
+mod table;
 
 pub use entry::{End, Entry, EntryFile, EntrySource, FORMAT, Head, Learnt, Noted, Wanted};
 pub use play::{PlayOptions, Played, Sight, play};
@@ -23,3 +24,4 @@ pub(crate) use play::{read_head, recorded_robot};
 pub use recorder::{Recorder, RecordingEnd};
 pub use regression::{Decision, RegressionTest, load_test, write_test};
 pub use report::{Differing, FirstDifference, ReplayReport};
+pub use table::{Table, read_table};

@@ -348,3 +348,34 @@ class Session:
         value: BaseException | None,
         traceback: TracebackType | None,
     ) -> None: ...
+
+class Recording:
+    """A recording that ``dsm run --record`` has written. Its numbers are read at once, its frames when they are asked for."""
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        """Opens a recording and reads its numbers. Raises `InputError`: it is damaged, or no recording."""
+
+    @property
+    def head(self) -> dict[str, Any]:
+        """Episode, robot, seed and all else that is needed to run again."""
+
+    @property
+    def end(self) -> dict[str, Any] | None:
+        """How the run ended as the robot itself knows it; None when the recording breaks off before."""
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the table's columns, as `dsm_tasks::replay::Table` lists them."""
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """What was measured and sent, (periods, columns), NaN where nobody asked."""
+
+    def frames(self, camera: str | None = None) -> RecordedFrames:
+        """The frames in the order in which they were read, one at a time; of one camera when it is named."""
+
+class RecordedFrames:
+    """Frames on their way out of a recording."""
+
+    def __iter__(self) -> Self: ...
+    def __next__(self) -> Frame: ...
