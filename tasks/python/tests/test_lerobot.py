@@ -32,7 +32,7 @@ VIDEO = "videos/observation.images.head/chunk-000/file-000.mp4"
 def made_up(frames: int, number: int) -> Episode:
     """An episode whose images are grey, brighter from frame to frame and from episode to episode."""
     draw = np.random.default_rng(number)
-    images = [np.full((48, 64, 3), 40 * number + 3 * frame, np.uint8) for frame in range(frames)]
+    images = [np.full((48, 64, 3), (40 * number + 3 * frame) % 256, np.uint8) for frame in range(frames)]
     tasks = ["go to the chair"] * (frames // 2) + [f"take thing {number}"] * (frames - frames // 2)
     state = draw.normal(size=(frames, 3)).astype(np.float32)
     action = draw.normal(size=(frames, 2)).astype(np.float32)
