@@ -106,8 +106,8 @@ def test_bad_input_is_named() -> None:
         world(expect=[{"kind": "object_lifted"}])
     with pytest.raises(dsm.InputError, match="unknown variant"):
         world(expect=[{"kind": "object_liked"}])
-    with pytest.raises(dsm.InputError, match="is in the way"):
-        dsm.World(SCENE, start=(100.0, 100.0, 0.0))
+    with pytest.raises(dsm.InputError, match="`fridge` is in the way"):
+        dsm.World(SCENE, start=(-4.66, 4.14, 0.0))
     with pytest.raises(dsm.InputError, match="apartment"):
         dsm.find_scene("palace")
 
