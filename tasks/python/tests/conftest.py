@@ -1,5 +1,7 @@
 """What several tests need: the scene that ships with the program, and a map that was built in it once."""
 
+from pathlib import Path
+
 import pytest
 
 import dsm
@@ -17,3 +19,51 @@ def explored() -> dsm.Map:
     found = session.map
     session.finish()
     return found
+
+
+SMALL_ROOM = """<mujoco model="small">
+  <worldbody>
+    <geom name="floor" type="box" size="2 2 0.05" pos="0 0 -0.05"/>
+    <geom type="box" size=".05 2 1" pos="2 0 1"/><geom type="box" size=".05 2 1" pos="-2 0 1"/>
+    <geom type="box" size="2 .05 1" pos="0 2 1"/><geom type="box" size="2 .05 1" pos="0 -2 1"/>
+    <body name="table_1" pos="1.4 0 0.2"><geom type="box" size="0.3 0.3 0.2"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+SEMANTICS = """version = 1
+name = "small"
+
+[start]
+areas = [{ x_m = -0.8, y_m = 0.0 }]
+
+[[room]]
+name = "kitchen"
+polygon = [[-2, -2], [2, -2], [2, 2], [-2, 2]]
+
+[[object]]
+body = "table_1"
+category = "table"
+"""
+
+EPISODE = """version = 1
+scene = "scene.xml"
+time_limit_s = 200
+
+[[step]]
+command = "Navigate to the table"
+
+[[expect]]
+kind = "robot_near"
+object = "table_1"
+"""
+
+
+@pytest.fixture(scope="session")
+def small_episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An episode in a room of four by four metres with one table: skills end soon there."""
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "scene.xml").write_text(SMALL_ROOM)
+    (folder / "semantics.toml").write_text(SEMANTICS)
+    (folder / "episode.toml").write_text(EPISODE)
+    return folder / "episode.toml"
