@@ -77,8 +77,8 @@ def test_several_run_side_by_side(mode: str) -> None:
     worlds.close()
 
 
-def test_a_skill_that_does_the_job_is_rewarded() -> None:
-    env = gymnasium.make("dsm/NavigateTo-v0", control="skills", perception="oracle")
+def test_a_skill_that_does_the_job_is_rewarded(small_episode: Path) -> None:
+    env = gymnasium.make("dsm/Task-v0", episode=small_episode, control="skills", perception="oracle")
     env.reset(seed=3)
     _, reward, terminated, truncated, info = env.step(dsm.envs.SKILLS.index("command"))
     assert info["step"]["outcome"] == "done", info["step"]

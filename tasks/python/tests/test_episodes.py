@@ -16,7 +16,7 @@ import dsm
 EPISODE = dsm.find_episode("navigate_kitchen")
 
 
-def test_python_and_the_command_line_do_the_same(tmp_path: Path) -> None:
+def test_python_and_the_command_line_do_the_same(tmp_path: Path, small_episode: Path) -> None:
     ticks = 0
     over = threading.Event()
 
@@ -27,11 +27,11 @@ def test_python_and_the_command_line_do_the_same(tmp_path: Path) -> None:
 
     counter = threading.Thread(target=count)
     counter.start()
-    summary = dsm.run_episode(EPISODE, seed=5, out=tmp_path / "python", perception="oracle")
+    summary = dsm.run_episode(small_episode, seed=5, out=tmp_path / "python", perception="oracle")
     over.set()
     counter.join()
     assert ticks > 100, "the interpreter lock was held"
-    words = ["run", str(EPISODE), "--seed", "5", "--perception", "oracle", "--out", str(tmp_path / "line")]
+    words = ["run", str(small_episode), "--seed", "5", "--perception", "oracle", "--out", str(tmp_path / "line")]
     ended = subprocess.run([sys.executable, "-m", "dsm", *words], capture_output=True, check=False)
     assert ended.returncode == (0 if summary["success"] else 1)
     for name in ("summary.json", "map.dsm"):
@@ -39,7 +39,7 @@ def test_python_and_the_command_line_do_the_same(tmp_path: Path) -> None:
     assert summary == json.loads((tmp_path / "python" / "summary.json").read_text())
     assert summary["seed"] == 5 and summary["steps"][0]["outcome"] == "done"
     with pytest.raises(dsm.InputError, match="not empty"):
-        dsm.run_episode(EPISODE, out=tmp_path / "python")
+        dsm.run_episode(small_episode, out=tmp_path / "python")
 
 
 def test_flags_are_checked_as_on_the_command_line(tmp_path: Path) -> None:
@@ -79,9 +79,9 @@ def test_ctrl_c_ends_a_session_in_order() -> None:
         session.explore()
 
 
-def test_a_session_runs_skills_one_by_one() -> None:
-    with dsm.Session(EPISODE, seed=5, perception="oracle") as session:
-        assert session.commands and session.seed == 5
+def test_a_session_runs_skills_one_by_one(small_episode: Path) -> None:
+    with dsm.Session(small_episode, seed=5, perception="oracle") as session:
+        assert session.commands == ["Navigate to the table"] and session.seed == 5
         before = session.judge()
         assert [e["passed"] for e in before] == [False]
         refused = session.navigate("the unicorn")
