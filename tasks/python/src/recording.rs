@@ -23,7 +23,12 @@ impl Recording {
     /// Opens a recording and reads its numbers.
     #[new]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let read = || read_table(&mut *open_run(&path, Wanted::AllButFrames)?);
+        let read = || {
+            read_table(&mut *open_run(&path, Wanted::AllButFrames)?).map_err(|error| match error {
+                TaskError::Usage(reason) => TaskError::Usage(format!("{}: {reason}", path.display())),
+                other => other,
+            })
+        };
         let table = py.detach(read).map_err(raised)?;
         Ok(Self { path, table })
     }

@@ -145,7 +145,7 @@ def test_a_worker_that_is_killed_loses_nothing(alone: Path, tmp_path: Path) -> N
 def test_a_suite_that_is_killed_goes_on_where_it_was(alone: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     driver = spread(out)
-    done = wait_for(lambda: list(out.glob("*/done.json")))[0]
+    done = wait_for(lambda: list(out.glob("[!.]*/done.json")))[0]
     os.kill(driver.pid, signal.SIGKILL)
     driver.wait()
     kept = done.stat().st_mtime_ns
@@ -158,7 +158,7 @@ def test_a_suite_that_is_killed_goes_on_where_it_was(alone: Path, tmp_path: Path
 def test_an_interrupted_suite_reports_what_is_done(alone: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     driver = spread(out)
-    wait_for(lambda: list(out.glob("*/done.json")))
+    wait_for(lambda: list(out.glob("[!.]*/done.json")))
     driver.send_signal(signal.SIGINT)
     assert driver.wait() == 130, Path(f"{out}.stderr").read_text()
     rows = json.loads((out / "suite.json").read_text())["episodes"]
