@@ -3,7 +3,7 @@
 use crate::detector::PythonDetector;
 use crate::error::InputError;
 use crate::interrupt::Interrupt;
-use crate::plain::to_python;
+use crate::plain::{from_python, to_python};
 use dsm::build::{BuildConfig, MapBuilder};
 use dsm::eval::Labeller;
 use dsm::ground::{
@@ -167,9 +167,7 @@ impl QueryReader for Plug {
     fn read(&self, said: &QueryText<'_>) -> Result<Vec<Query>, BackendError> {
         self.ask(|py, object| {
             let names = PyList::new(py, said.object_names())?;
-            let readings = object.call_method1("read", (said.text, names))?;
-            let text: String = py.import("json")?.call_method1("dumps", (readings,))?.extract()?;
-            serde_json::from_str(&text).map_err(|error| InputError::new_err(format!("a reading: {error}")))
+            from_python(&object.call_method1("read", (said.text, names))?, "a reading")
         })
     }
 }

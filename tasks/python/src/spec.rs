@@ -2,6 +2,7 @@
 
 use crate::episode::choice;
 use crate::error::InputError;
+use crate::plain::from_python;
 use dsm_tasks::cli::{PerceptionChoice, PhysicsChoice, WorldArgs, prepare};
 use dsm_tasks::episode::{Episode, Expectation, Start};
 use dsm_tasks::error::TaskError;
@@ -53,9 +54,7 @@ impl Asked {
 
 /// Expectations as in episode files, as dictionaries.
 fn expectations_of(expect: &Bound<'_, PyAny>) -> PyResult<Vec<Expectation>> {
-    let text: String = expect.py().import("json")?.call_method1("dumps", (expect,))?.extract()?;
-    let expectations: Vec<Expectation> =
-        serde_json::from_str(&text).map_err(|error| InputError::new_err(format!("expect: {error}")))?;
+    let expectations: Vec<Expectation> = from_python(expect, "expect")?;
     for (i, expectation) in expectations.iter().enumerate() {
         if let Some(flaw) = expectation.find_flaw() {
             return Err(InputError::new_err(format!("expect[{i}]: expected {flaw}")));

@@ -111,8 +111,6 @@ pub fn search(
     }
     if explored != ExploreOutcome::Enough {
         agent.mark(format!("exploration ends: {explored:?}"));
-    }
-    if explored != ExploreOutcome::Enough {
         for objects in named.find_doubtful(agent.map(), knowledge, &last) {
             explorer.look_again(agent, end, &objects, &mut enough)?;
             last = answer(agent, grounder, text)?;
