@@ -5,6 +5,7 @@ use dsm::Pose;
 use dsm::ground::{Part, PartKind, PartPlace};
 use dsm_robot::grasp::{Front, Handle, find_front, find_handles};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
+use std::collections::BTreeSet;
 
 /// What stands out less is closed, metres: tops overhang, and depth is off.
 pub(super) const CLOSED_M: f64 = 0.045;
@@ -18,6 +19,8 @@ const LEANS_RAD: (f64, f64) = (0.2, 1.37);
 const LEANS_DEG: [f64; 6] = [25.0, -25.0, 45.0, -45.0, 65.0, -65.0];
 /// Width and least height of a door, metres.
 const DOOR_M: ((f64, f64), f64) = ((0.18, 0.8), 0.2);
+/// Points lie on so much of the area of a board at least.
+const LEAST_SEEN: f64 = 0.5;
 /// A door is pushed so far inside of its edge, metres: beside its handle ...
 const INSIDE_M: f64 = 0.12;
 /// ... but not nearer to its hinge than this share of its width, and at heights between these, metres.
@@ -61,8 +64,8 @@ pub(super) fn read_stand(points: &[Point3<f64>], side: &Side, top_m: f64, part: 
     let planes = find_planes(&near, &side.normal);
     // The largest of them shows how the furniture really faces.
     let normal = planes.first().map_or(side.normal, |plane| plane.normal);
-    let drawers = || read_drawers(&near, &planes, top_m, part);
-    let doors = || read_doors(&near, &planes, &normal, part);
+    let drawers = || read_drawers(&near, &planes, (side, top_m), part);
+    let doors = || read_doors(&near, &planes, (&normal, side), part);
     match part.kind {
         Some(PartKind::Drawer) => drawers(),
         Some(PartKind::Door) => doors(),
@@ -118,17 +121,28 @@ fn is_of(p: &Point3<f64>, plane: &Front) -> bool {
 
 /// How deep the closed front lies along a normal: by the front edge of the top, as far as no front reaches up to it, and the
 /// largest front that is near that; else by the rearmost plane.
-fn closed_depth_m(points: &[Point3<f64>], planes: &[Front], normal: &Vector3<f64>, top_m: f64) -> Option<f64> {
+fn closed_depth_m(
+    points: &[Point3<f64>],
+    planes: &[Front],
+    normal: &Vector3<f64>,
+    (side, top_m): (&Side, f64),
+) -> Option<f64> {
     /// The top is seen when so many points are of it.
     const LEAST_POINTS: usize = 150;
     const LEVEL_M: f64 = 0.025;
+    /// ... and so far inside of the ends of the side, metres.
+    const INSET_M: f64 = 0.03;
     const EDGE: f64 = 0.97;
     /// A front has its upper edge in the top's height and is so thick, metres.
     const THICK_M: f64 = 0.03;
     /// Closed fronts lie so far behind and before the edge at most, metres.
     const ABOUT_M: (f64, f64) = (0.03, 0.06);
     let is_edge = |p: &Point3<f64>| planes.iter().any(|plane| (-THICK_M..THICK_M).contains(&plane.off_m(p)));
-    let top = points.iter().filter(|p| (p.z - top_m).abs() < LEVEL_M && !is_edge(p));
+    // What stands beside it has no part in it.
+    let right = Vector3::z().cross(normal);
+    let aside_m = |p: &Point3<f64>| (p.xy() - side.middle).dot(&right.xy()).abs();
+    let is_top = |p: &&Point3<f64>| (p.z - top_m).abs() < LEVEL_M && aside_m(p) < side.half_m - INSET_M && !is_edge(p);
+    let top = points.iter().filter(is_top);
     let mut top: Vec<f64> = top.map(|p| p.coords.dot(normal)).collect();
     top.sort_by(f64::total_cmp);
     let depth_m = |plane: &Front| plane.point.coords.dot(normal);
@@ -141,9 +155,9 @@ fn closed_depth_m(points: &[Point3<f64>], planes: &[Front], normal: &Vector3<f64
     planes.iter().map(depth_m).min_by(f64::total_cmp)
 }
 
-fn read_drawers(points: &[Point3<f64>], planes: &[Front], top_m: f64, part: Part) -> Stand {
+fn read_drawers(points: &[Point3<f64>], planes: &[Front], (side, top_m): (&Side, f64), part: Part) -> Stand {
     let Some(normal) = planes.first().map(|plane| plane.normal) else { return Stand::Unseen };
-    let Some(closed_m) = closed_depth_m(points, planes, &normal, top_m) else { return Stand::Unseen };
+    let Some(closed_m) = closed_depth_m(points, planes, &normal, (side, top_m)) else { return Stand::Unseen };
     let out_m = |bar: &Handle| bar.center.coords.dot(&normal) - bar.off_m - closed_m;
     let mut bars: Vec<Handle> = Vec::new();
     for plane in planes {
@@ -178,12 +192,13 @@ fn read_drawers(points: &[Point3<f64>], planes: &[Front], top_m: f64, part: Part
     }
 }
 
-fn read_doors(points: &[Point3<f64>], planes: &[Front], normal: &Vector3<f64>, part: Part) -> Stand {
+fn read_doors(points: &[Point3<f64>], planes: &[Front], (normal, side): (&Vector3<f64>, &Side), part: Part) -> Stand {
     let left: Vec<Point3<f64>> =
         points.iter().filter(|p| !planes.iter().any(|plane| is_of(p, plane))).copied().collect();
     let turned = |degrees: f64| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), degrees.to_radians()) * normal;
     let boards = LEANS_DEG.iter().filter_map(|degrees| find_front(&left, &turned(*degrees)));
-    let leaning: Vec<(Leaning, f64)> = boards.filter_map(|board| leaning_of(&board, normal)).collect();
+    let boards = boards.filter(|board| share_seen(&left, board) > LEAST_SEEN);
+    let leaning: Vec<(Leaning, f64)> = boards.filter_map(|board| leaning_of(&board, normal, side)).collect();
     let fits = |door: &&(Leaning, f64)| match part.place {
         Some(PartPlace::Left) => door.0.is_left,
         Some(PartPlace::Right) => !door.0.is_left,
@@ -207,8 +222,21 @@ struct Leaning {
     is_left: bool,
 }
 
-/// A board as a door that stands open, with its area; `None` when it is none.
-fn leaning_of(board: &Front, normal: &Vector3<f64>) -> Option<(Leaning, f64)> {
+/// Share of a board's area that points lie on: a plane laid across other things is mostly empty.
+fn share_seen(points: &[Point3<f64>], board: &Front) -> f64 {
+    const CELL_M: f64 = 0.02;
+    let right = board.right();
+    let cell = |value_m: f64| (value_m / CELL_M).floor() as i64;
+    let on_it = points.iter().filter(|p| is_of(p, board));
+    let cells: BTreeSet<(i64, i64)> = on_it.map(|p| (cell((p - board.point).dot(&right)), cell(p.z))).collect();
+    let area = |(low, high): (f64, f64)| (high - low) / CELL_M;
+    cells.len() as f64 / (area(board.right_m) * area(board.height_m)).max(1.0)
+}
+
+/// A board as a door of a side that stands open, with its area; `None` when it is none.
+fn leaning_of(board: &Front, normal: &Vector3<f64>, side: &Side) -> Option<(Leaning, f64)> {
+    /// A door ends so far beside its side at most, metres: boxes of the map are off.
+    const BESIDE_M: f64 = 0.1;
     let right = Vector3::z().cross(normal);
     let ends = [board.right_m.0, board.right_m.1].map(|by| board.point + board.right() * by);
     let depth_m = ends.map(|end| end.coords.dot(normal));
@@ -219,19 +247,26 @@ fn leaning_of(board: &Front, normal: &Vector3<f64>) -> Option<(Leaning, f64)> {
     let is_door = (DOOR_M.0.0..=DOOR_M.0.1).contains(&width_m)
         && high_m > DOOR_M.1
         && (LEANS_RAD.0..=LEANS_RAD.1).contains(&lean_rad);
-    if !is_door {
+    let to_edge = along.dot(&right).signum();
+    let aside_m = |p: &Point3<f64>| (p.xy() - side.middle).dot(&right.xy()).abs();
+    let closed_edge = hinge + right * (to_edge * width_m);
+    let is_of_side = [hinge, closed_edge].iter().all(|end| aside_m(end) < side.half_m + BESIDE_M);
+    tracing::debug!(
+        "a board of {width_m:.2} by {high_m:.2} m, leaning by {lean_rad:.2} rad, hinge at {hinge:.2}: door {is_door}, of \
+         this side {is_of_side}"
+    );
+    if !is_door || !is_of_side {
         return None;
     }
-    let side = along.dot(&right).signum();
     let radius_m = (width_m - INSIDE_M).max(LEAST_SHARE * width_m);
     let height_m = (0.5 * (board.height_m.0 + board.height_m.1)).clamp(HEIGHT_M.0, HEIGHT_M.1);
     let level = |p: Point3<f64>| Point3::new(p.x, p.y, height_m);
     let at = level(hinge + along * (radius_m / width_m));
-    let closed = level(hinge + right * (side * radius_m));
+    let closed = level(hinge + right * (to_edge * radius_m));
     let way_m = (closed - at).norm();
     let way = (closed - at) / way_m.max(1e-9);
     let ajar = Ajar { kind: PartKind::Door, at, way, way_m };
-    Some((Leaning { ajar, is_left: side > 0.0 }, width_m * high_m))
+    Some((Leaning { ajar, is_left: to_edge > 0.0 }, width_m * high_m))
 }
 
 #[cfg(test)]

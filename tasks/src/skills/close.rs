@@ -4,6 +4,7 @@
 use super::Outcome;
 use super::ajar::{Ajar, Stand, read_stand};
 use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
+use super::carcass::find_carcass;
 use super::drive::{Drive, DriveOutcome};
 use super::front_places::{Reach, WRIST_LOOK_M, places_to_look, reaches};
 use super::fronts::{Side, gather};
@@ -34,6 +35,8 @@ const PUSH_FROM_M: [f64; 6] = [0.62, 0.66, 0.58, 0.7, 0.54, 0.5];
 const UNFOLD_BACK_M: [f64; 4] = [0.35, 0.25, 0.45, 0.15];
 /// The hand stops so far before what it pushes, metres: what localisation and looks are off.
 const BEFORE_M: f64 = 0.06;
+/// What is nearer than expected by more is not what is to be pushed, metres.
+const SURPRISE_M: f64 = 0.08;
 /// A part may go on for so much longer than it looks, metres.
 const FARTHER_M: f64 = 0.08;
 /// Backs off so far before the arm moves otherwise, metres.
@@ -59,7 +62,10 @@ pub fn close(
     part: Part,
     stowed: &mut BTreeSet<ObjectId>,
 ) -> Result<Outcome, Halt> {
-    let Some(bounds) = agent.map().find_object(id).map(|object| object.bounds) else {
+    let Some(bounds) = agent.map().find_object(id).map(|object| {
+        let points: Vec<Point3<f64>> = object.points.iter().map(|point| point.position.cast()).collect();
+        find_carcass(&points, &object.bounds, &agent.map().free_space)
+    }) else {
         return Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0)));
     };
     let task = Task { nav, settings, bounds, part };
@@ -247,9 +253,30 @@ impl Task<'_> {
         let tool = model.kinematics.root_from_link(&agent.configuration()?, model.tool);
         let at = ajar.moved(&agent.world_from_base()?.inverse()).at;
         let gap_m = at.x - tip_m - tool.translation.x - BEFORE_M;
-        creep(agent, gap_m, 0.08)?;
+        let seen_m = find_gap(agent, &tool, tip_m)?.map_or(f64::INFINITY, |seen_m| seen_m - BEFORE_M);
+        agent.log(format!("{gap_m:.3} m to go by what was seen from afar, {seen_m:.3} by what the wrist sees"));
+        if seen_m < gap_m - SURPRISE_M {
+            return Ok(Err((Stage::Mapping, format!("something is {:.2} m nearer than what is open", gap_m - seen_m))));
+        }
+        creep(agent, gap_m.min(seen_m), 0.08)?;
         Ok(Ok(()))
     }
+}
+
+/// How far before the closed hand (`tip_m` beyond the tool, in the frame of the base) the wrist camera sees something, metres.
+fn find_gap(agent: &mut Agent, base_from_tool: &Pose, tip_m: f64) -> Result<Option<f64>, Halt> {
+    const FRAMES: usize = 3;
+    /// Half the width of what meets the hand, and what of the hand itself is in the picture, metres.
+    const HALF_M: f64 = 0.03;
+    const HAND_M: f64 = 0.02;
+    let tool_from_base = base_from_tool.inverse();
+    let points = gather(agent, "wrist", FRAMES)?;
+    let ahead = points.iter().map(|point| tool_from_base * point);
+    let mut ahead: Vec<f64> = ahead.filter(|p| p.xy().coords.norm() < HALF_M).map(|p| p.z - tip_m).collect();
+    ahead.retain(|gap_m| *gap_m > HAND_M);
+    ahead.sort_by(f64::total_cmp);
+    // A few stray pixels are no thing.
+    Ok(ahead.get(ahead.len() / 50).copied())
 }
 
 /// Places to look at a side from: the given one, and others from one end of it to the other.
@@ -274,7 +301,9 @@ fn plan_push(ground: &Ground<'_>, ajar: &Ajar, side: &Side) -> Result<(Reach, Ap
         let stand = ajar.at.xy() - way * from_m;
         let unfolds = UNFOLD_BACK_M.iter().map(|back_m| Pose2 { position: stand - way * *back_m, yaw_rad });
         let unfolds: Vec<Pose2> = unfolds.filter(|place| is_place(&place.position)).collect();
-        if unfolds.is_empty() || !is_way_free(map, model.settings.base.footprint_radius_m, &stand, ajar, side) {
+        let is_free = is_way_free(map, model.settings.base.footprint_radius_m, &stand, ajar, side);
+        tracing::debug!("to push from {stand:.2}: {} places to unfold, way free: {is_free}", unfolds.len());
+        if unfolds.is_empty() || !is_free {
             blocked += 1;
             continue;
         }
@@ -323,6 +352,7 @@ fn is_way_free(map: &Map, radius_m: f64, stand: &Point2<f64>, ajar: &Ajar, side:
     bases.into_iter().all(|base| {
         let cells = (-reach..=reach).flat_map(|i| (-reach..=reach).map(move |k| [i, k].map(|n| f64::from(n) * STEP_M)));
         let around = cells.filter(|[x, y]| x.hypot(*y) <= radius_m).map(|[x, y]| Point2::new(base.x + x, base.y + y));
-        around.filter(|p| !is_furniture(p)).all(|p| map.free_space.state_at(&p) != CellState::Occupied)
+        let mut taken = around.filter(|p| !is_furniture(p) && map.free_space.state_at(p) == CellState::Occupied);
+        taken.next().inspect(|at| tracing::debug!("{at:.2} is in the way of {base:.2}; {side:?}")).is_none()
     })
 }

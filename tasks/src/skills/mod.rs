@@ -4,6 +4,7 @@
 mod ajar;
 pub mod approach;
 pub mod arm;
+mod carcass;
 mod carry;
 pub mod close;
 pub mod drive;
