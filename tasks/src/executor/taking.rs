@@ -88,7 +88,7 @@ impl Executor {
             if !matches!(navigate_to_object(agent, &self.nav, other, None)?, Outcome::Done(_)) {
                 continue;
             }
-            let Some(score) = meaning.score_now(agent, other)? else { continue };
+            let Some(score) = meaning.score_now(agent, "head", other)? else { continue };
             agent.note(format!("object {} fits by {score:.2} as it looks now", other.0));
             if score >= FITS {
                 let outcome = self.grasp_and_weigh(agent, other, text)?;

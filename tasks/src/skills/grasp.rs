@@ -137,9 +137,6 @@ pub(super) fn try_grasp(
     let now_s = agent.now().as_s();
     let picture = agent.find_frame("head").map(|seen| seen.frame.clone());
     agent.journal.note(now_s, "before the object", picture.as_ref());
-    if let Some(reason) = meaning.map_or(Ok(None), |meaning| meaning.find_contradiction(agent, id))? {
-        return Ok(Err((Stage::Grounding, reason)));
-    }
     // Choose a grasp for where the base really stands.
     let (reach, support_z_m) = match choose_grasp(agent, settings, target, slipped_z_m)? {
         Ok(chosen) => chosen,
@@ -181,6 +178,10 @@ pub(super) fn try_grasp(
             Ok(grasp) => grasp,
             Err(failure) => return Ok(Err(failure)),
         };
+    // The arm hides it from the head by now.
+    if let Some(reason) = meaning.map_or(Ok(None), |meaning| meaning.find_contradiction(agent, id))? {
+        return Ok(Err((Stage::Grounding, reason)));
+    }
     let fingers = finger_links(agent.model());
     for entry in 0..MAX_ENTRIES {
         agent.grip(grasp.opening_m, 10.0);

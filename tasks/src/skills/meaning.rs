@@ -21,8 +21,8 @@ const FRAMES: usize = 3;
 const PERIOD: Span = Span(250_000_000);
 /// Fewer pixels say nothing.
 const LEAST_PIXELS: usize = 60;
-/// Pixels this far inside of the thing's box, and above its foot, show it, metres.
-const BORDER_M: f64 = 0.004;
+/// Pixels no farther outside of the thing's box than this, and above its foot, show it, metres: its faces lie in the box's.
+const BORDER_M: f64 = 0.006;
 const FOOT_M: f64 = 0.02;
 /// So many points are kept.
 const MOST_POINTS: usize = 400;
@@ -48,15 +48,15 @@ impl Meaning {
         Self { grounder: grounder.clone(), describer, text: text.to_owned() }
     }
 
-    /// Why the object that the robot stands before is no longer what the words mean; `None` while nothing speaks against it,
-    /// or the words say nothing of its looks.
+    /// Why the object that the wrist camera looks at is no longer what the words mean; `None` while nothing speaks against
+    /// it, or the words say nothing of its looks.
     pub(super) fn find_contradiction(&self, agent: &mut Agent, id: ObjectId) -> Result<Option<String>, Halt> {
         let map = agent.map().clone();
         let before = self.grounder.ground(&map, &self.text, None);
         if !speaks_of_looks(&before) {
             return Ok(None);
         }
-        let Some(now) = self.score_now(agent, id)? else { return Ok(None) };
+        let Some(now) = self.score_now(agent, "wrist", id)? else { return Ok(None) };
         let before = score_of(&before, id);
         let seen = format!("fits `{}` by {now:.2} as it looks now, by {before:.2} as the map has it", self.text);
         agent.log(format!("object {} {seen}", id.0));
@@ -64,15 +64,21 @@ impl Meaning {
         Ok((now < kept * before).then(|| format!("what stands there is not what was meant: it {seen}")))
     }
 
-    /// How well an object fits the words by what the newest frames show of it; `None` when they show too little.
-    pub(crate) fn score_now(&self, agent: &mut Agent, id: ObjectId) -> Result<Option<f32>, Halt> {
+    /// How well an object fits the words by what the newest frames of a camera show of it; `None` when they show too little.
+    pub(crate) fn score_now(&self, agent: &mut Agent, camera: &str, id: ObjectId) -> Result<Option<f32>, Halt> {
         let mut look = Look::default();
+        let is_watched = agent.watched.iter().any(|watched| watched == camera);
+        if !is_watched {
+            agent.watched.push(camera.to_owned());
+        }
         for _ in 0..FRAMES {
             agent.rest(PERIOD)?;
-            let Some(seen) = agent.find_frame("head") else { continue };
-            let Some(object) = agent.map().find_object(id) else { return Ok(None) };
-            look.add(&*self.describer, &seen.frame, object);
+            let seen = agent.find_frame(camera).zip(agent.map().find_object(id));
+            if let Some((seen, object)) = seen {
+                look.add(&*self.describer, &seen.frame, object);
+            }
         }
+        agent.watched.retain(|watched| is_watched || watched != camera);
         if look.votes.is_empty() {
             agent.log(format!("too little of object {} is seen to tell how it looks", id.0));
             return Ok(None);
@@ -125,13 +131,14 @@ impl Look {
         for pixel in 0..frame.depth_m.len() {
             let Some(p) = frame.find_point_in_camera(pixel) else { continue };
             let at: Point3<f64> = frame.world_from_camera * p;
-            // Its border is mixed with what is behind, its foot with what it stands on.
-            if bounds.contains(&at, -BORDER_M) && at.z > foot_m + FOOT_M {
+            // Its foot is mixed with what it stands on.
+            if bounds.contains(&at, BORDER_M) && at.z > foot_m + FOOT_M {
                 pixels.push(pixel as u32);
                 points.push(MapPoint { position: at.cast(), color: frame.color[pixel] });
                 (low, high) = (low.inf(&at.coords), high.sup(&at.coords));
             }
         }
+        tracing::debug!("{} pixels show object {}", pixels.len(), object.id.0);
         if pixels.len() < LEAST_PIXELS {
             return;
         }
