@@ -5,7 +5,7 @@ use super::frontier::find_clusters;
 use super::grid::bearing;
 use super::planner::{Field, Pose2};
 use dsm::map::CellState;
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 
 /// Smallest area of open floor that is worth a look, square metres.
 const LEAST_M2: f64 = 1.0;
@@ -13,11 +13,17 @@ const LEAST_M2: f64 = 1.0;
 /// sides.
 const FARTHEST_M: f64 = 1.2;
 
+/// A look from farther off is taken this far behind the nearest place, about, metres.
+const BACK_M: f64 = 0.8;
+const OFF_M: f64 = 0.4;
+
 /// A place where open floor is cut off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
     /// Where to stand, facing it.
     pub stand: Pose2,
+    /// Where to stand for a look from farther off, if floor is free there: a head does not see what is low and near.
+    pub afar: Option<Pose2>,
     /// The nearest of the floor beyond, world frame, metres.
     pub beyond: Point2<f64>,
 }
@@ -47,11 +53,28 @@ pub fn find_gap(costmap: &Costmap, field: &Field, tried: &[Point2<f64>]) -> Opti
             let is_open = |(cell, _)| costmap.state(cell) != CellState::Occupied;
             let nearer = best.is_none_or(|(least_m, _)| distance_m < least_m);
             if nearer && grid.ray(position, yaw_rad, distance_m).all(is_open) {
-                best = Some((distance_m, Gap { stand: Pose2 { position, yaw_rad }, beyond }));
+                best = Some((distance_m, Gap { stand: Pose2 { position, yaw_rad }, afar: None, beyond }));
             }
         }
     }
-    best.map(|(_, gap)| gap)
+    best.map(|(_, gap)| Gap { afar: find_afar(costmap, field, &gap), ..gap })
+}
+
+/// The reachable place that lies most nearly [`BACK_M`] behind the stand of a gap, and sees it.
+fn find_afar(costmap: &Costmap, field: &Field, gap: &Gap) -> Option<Pose2> {
+    let grid = *costmap.grid();
+    let (sin, cos) = gap.stand.yaw_rad.sin_cos();
+    let wanted = gap.stand.position - BACK_M * Vector2::new(cos, sin);
+    let places = grid.cells_within(wanted, OFF_M);
+    let reached = places.filter(|cell| costmap.is_traversable(*cell) && field.find_length_m(*cell).is_some());
+    let facing = reached.map(|cell| grid.center_of(cell)).map(|position| Pose2::facing(position, &gap.beyond));
+    let sees = |place: &Pose2| {
+        let to_stand = gap.stand.position - place.position;
+        let mut ray = grid.ray(place.position, to_stand.y.atan2(to_stand.x), to_stand.norm());
+        ray.all(|(cell, _)| costmap.state(cell) != CellState::Occupied)
+    };
+    let off = |place: &Pose2| (place.position - wanted).norm_squared();
+    facing.filter(sees).min_by(|a, b| off(a).total_cmp(&off(b)))
 }
 
 #[cfg(test)]
@@ -73,6 +96,9 @@ mod tests {
         floor.set([82, 40], CellState::Occupied);
         let gap = gap_of(&floor, &[]).expect("the doorway is closed by one cell");
         assert!(gap.stand.position.x < 4.1 && (gap.stand.position.y - 2.0).abs() < 0.5, "{gap:?}");
+        let afar = gap.afar.expect("there is floor behind it");
+        let back_m = (afar.position - gap.stand.position).norm();
+        assert!(afar.position.x < gap.stand.position.x && (0.6..1.0).contains(&back_m), "{gap:?}");
         assert!(gap.beyond.x > 4.1 && gap.stand.yaw_rad.abs() < 0.8, "{gap:?}");
         assert_eq!(gap_of(&floor, &[gap.beyond]).filter(|again| (again.beyond - gap.beyond).norm() < 0.5), None);
         for row in 30..50 {

@@ -164,12 +164,14 @@ impl Explorer {
                     let at = gap.stand.position;
                     agent.note(format!("a gap at ({:.1}, {:.1}) cuts off open floor", at.x, at.y));
                     self.gaps.push(gap.beyond);
-                    agent.gaze = Gaze::AROUND;
-                    let drive = Drive::to_place(&self.nav, at).until(end).stop_when(enough);
-                    if drive.run(agent)? == DriveOutcome::Enough {
-                        return Ok(ExploreOutcome::Enough);
+                    for place in gap.afar.iter().chain([&gap.stand]) {
+                        agent.gaze = Gaze::AROUND;
+                        let drive = Drive::to_place(&self.nav, place.position).until(end).stop_when(enough);
+                        if drive.run(agent)? == DriveOutcome::Enough {
+                            return Ok(ExploreOutcome::Enough);
+                        }
+                        look_towards(agent, &gap.beyond)?;
                     }
-                    look_towards(agent, &gap.beyond)?;
                     // What cuts it off may lie beside the base, as behind the post of a door.
                     look_around(agent, 2.6)?;
                 }

@@ -1,7 +1,7 @@
 //! Getting away from where the hand was: back with arm and base, and the arm folded.
 
 use super::arm::{STUCK_AFTER, ToolMove, fold, move_tool};
-use super::grasp::{UNFOLD, finger_links};
+use super::grasp::UNFOLD;
 use super::obstacles::{find_obstacles, leave_out_overlaps};
 use crate::agent::{Agent, Halt};
 use dsm::map::CellState;
@@ -15,6 +15,7 @@ pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
     const BACK_M: f64 = 0.45;
     /// What the arm brushes on its way out, where no camera looks, it brushes slowly.
     const SPEED_M_PER_S: f64 = 0.09;
+    const BACK_M_PER_S: f64 = 0.06;
     let opening_m = agent.model().settings.gripper.max_aperture_m;
     agent.grip(opening_m, 10.0);
     agent.rest(Span::from_s(0.6))?;
@@ -22,13 +23,14 @@ pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
     let configuration = agent.configuration()?;
     let base_from_tool = model.kinematics.root_from_link(&configuration, model.tool);
     let world_from_base = agent.world_from_base()?;
-    let obstacles = find_obstacles(agent.map(), Some(&agent.live), &world_from_base, None);
-    let fingers = finger_links(agent.model());
+    // What the fingers are around is left out; what they are beside they keep off.
+    let mut obstacles = find_obstacles(agent.map(), Some(&agent.live), &world_from_base, None);
+    leave_out_overlaps(&model, &configuration, &mut obstacles);
     let back = ToolMove {
         goal: Translation3::new(0.0, 0.0, 0.06) * base_from_tool * Translation3::new(0.0, 0.0, -0.08),
         obstacles: &obstacles,
-        touching: &fingers,
-        speed_m_per_s: 0.15,
+        touching: &[],
+        speed_m_per_s: BACK_M_PER_S,
         posture: None,
         give_up_after: STUCK_AFTER,
         clearance_m: None,
