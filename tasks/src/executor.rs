@@ -306,6 +306,11 @@ impl Executor {
             return Ok(failed(PLACE, Stage::Planning, reason, None));
         }
         let start = Pose2::from_pose(&agent.world_from_base()?);
+        // What the hand holds already is folded away before anything is looked for.
+        let carried = match (command.target.is_empty(), self.held.clone()) {
+            (true, Some(held)) => Some(carry(agent, &held, &self.grasping)?),
+            _ => None,
+        };
         // Both are found before the hand is full.
         let destination = match &command.destination {
             Some(words) => match self.find_destination(agent, words)? {
@@ -325,7 +330,11 @@ impl Executor {
         let Some(held) = self.held.clone() else {
             return Ok(failed(PLACE, Stage::Hold, "the hand holds nothing".into(), destination));
         };
-        let outcome = match carry(agent, &held, &self.grasping)? {
+        let folded = match carried {
+            Some(folded) => folded,
+            None => carry(agent, &held, &self.grasping)?,
+        };
+        let outcome = match folded {
             Outcome::Done(_) => {
                 let left =
                     destination.as_ref().and_then(|d| d.object_id).filter(|id| agent.map().find_object(*id).is_none());
