@@ -8,15 +8,17 @@ use dsm::ground::{Grounder, Grounding, GroundingStatus};
 use dsm::map::{Map, MapObject, ObjectId};
 use dsm::time::Span;
 use dsm_robot::grasp::Handle;
-use dsm_robot::nav::{NavConfig, Pose2};
+use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
 use nalgebra::{Point3, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Distance of the base from an open drawer's handle from which the head sees over its front, metres: the footprint, and
 /// what localisation is off.
 const NEAR_M: f64 = 0.36;
-/// From so far the base creeps near, metres: outside of what a costmap leaves around obstacles.
-const FROM_M: f64 = 0.75;
+/// From so far the base creeps near, and so far beside the handle, the best first, metres: outside of what a costmap leaves
+/// around obstacles.
+const FROM_M: [f64; 5] = [0.75, 0.65, 0.85, 0.55, 1.0];
+const ASIDE_M: [f64; 5] = [0.0, 0.12, -0.12, 0.24, -0.24];
 /// Room above and below the handle's height in which contents lie, metres.
 const RISE_M: (f64, f64) = (-0.16, 0.14);
 /// How far beyond the closed front, and from the sides, contents may seem to lie, metres.
@@ -69,10 +71,22 @@ impl OpenDrawer {
         const FLOOR_M: f64 = -0.08;
         /// Fronts rise about so far above handles, metres.
         const RIM_M: f64 = 0.08;
+        /// The base creeps no farther than this, metres.
+        const FARTHEST_M: f64 = 0.8;
         let normal = self.handle.normal.xy();
         let yaw_rad = (-normal.y).atan2(-normal.x);
         let front = self.handle.center + self.handle.normal * self.out_m;
-        let position = front.xy() + normal * FROM_M;
+        let across = Vector3::z().cross(&self.handle.normal).xy();
+        let (map, config) = (agent.map().clone(), nav.clone());
+        let start = Pose2::from_pose(&agent.world_from_base()?).position;
+        let position = agent.plan(move || {
+            let costmap = Costmap::from_free_space(&map.free_space, &config.costmap);
+            let field = Field::from_start(&costmap, &start);
+            let places = ASIDE_M.iter().flat_map(|aside_m| FROM_M.iter().map(move |from_m| (from_m, aside_m)));
+            let mut places = places.map(|(from_m, aside_m)| front.xy() + normal * *from_m + across * *aside_m);
+            places.find(|place| costmap.is_traversable_at(place) && field.find_length_to_m(place).is_some())
+        })?;
+        let Some(position) = position else { return Ok(None) };
         agent.gaze = Gaze::AHEAD;
         if Drive::to_pose(nav, Pose2 { position, yaw_rad }).run(agent)? != DriveOutcome::Arrived {
             return Ok(None);
@@ -81,7 +95,7 @@ impl OpenDrawer {
         agent.gaze = Gaze::Point(middle);
         let base = agent.world_from_base()?;
         let left_m = (base.inverse() * front).x - NEAR_M;
-        creep(agent, left_m.clamp(0.0, FROM_M), 0.1)?;
+        creep(agent, left_m.clamp(0.0, FARTHEST_M), 0.1)?;
         agent.rest(LOOK)?;
         let base_from_points = gather(agent, "head", FRAMES)?;
         let world_from_base = agent.world_from_base()?;
