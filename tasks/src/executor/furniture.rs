@@ -186,9 +186,13 @@ impl Executor {
         let Some(heights) = drawer.look(agent, &self.nav)? else {
             return fail(Stage::Planning, "no way before the open drawer", furniture);
         };
-        let Some((id, inside)) =
-            drawer.find(agent, &self.grounder, &command.target).and_then(|inside| inside.object_id.zip(Some(inside)))
-        else {
+        let mut inside = drawer.find(agent, &self.grounder, &command.target);
+        for is_left in [true, false] {
+            if inside.is_none() && drawer.look_from_beside(agent, &self.nav, is_left)? {
+                inside = drawer.find(agent, &self.grounder, &command.target);
+            }
+        }
+        let Some((id, inside)) = inside.and_then(|inside| inside.object_id.zip(Some(inside))) else {
             return fail(Stage::Mapping, &format!("no {} is seen in the drawer", command.target), furniture);
         };
         agent.note(format!("it is object {}", id.0));

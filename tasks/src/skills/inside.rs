@@ -9,7 +9,7 @@ use dsm::map::{Map, MapObject, ObjectId};
 use dsm::time::Span;
 use dsm_robot::grasp::Handle;
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Distance of the base from an open drawer's handle from which the head sees over its front, metres: the footprint, and
@@ -77,16 +77,9 @@ impl OpenDrawer {
         let yaw_rad = (-normal.y).atan2(-normal.x);
         let front = self.handle.center + self.handle.normal * self.out_m;
         let across = Vector3::z().cross(&self.handle.normal).xy();
-        let (map, config) = (agent.map().clone(), nav.clone());
-        let start = Pose2::from_pose(&agent.world_from_base()?).position;
-        let position = agent.plan(move || {
-            let costmap = Costmap::from_free_space(&map.free_space, &config.costmap);
-            let field = Field::from_start(&costmap, &start);
-            let places = ASIDE_M.iter().flat_map(|aside_m| FROM_M.iter().map(move |from_m| (from_m, aside_m)));
-            let mut places = places.map(|(from_m, aside_m)| front.xy() + normal * *from_m + across * *aside_m);
-            places.find(|place| costmap.is_traversable_at(place) && field.find_length_to_m(place).is_some())
-        })?;
-        let Some(position) = position else { return Ok(None) };
+        let places = ASIDE_M.iter().flat_map(|aside_m| FROM_M.iter().map(move |from_m| (from_m, aside_m)));
+        let places = places.map(|(from_m, aside_m)| front.xy() + normal * *from_m + across * *aside_m).collect();
+        let Some(position) = find_first_free(agent, nav, places)? else { return Ok(None) };
         agent.gaze = Gaze::AHEAD;
         if Drive::to_pose(nav, Pose2 { position, yaw_rad }).run(agent)? != DriveOutcome::Arrived {
             return Ok(None);
@@ -105,6 +98,32 @@ impl OpenDrawer {
         let rim_m = self.rim_of(&inside).unwrap_or(self.handle.center.z + RIM_M).max(floor_m);
         agent.note(format!("looks into the drawer, whose floor is {floor_m:.3} m high and whose front {rim_m:.3} m"));
         Ok(Some(Heights { floor_m, rim_m }))
+    }
+
+    /// Looks into it from beside, from the left or the right end: what lies close behind its front is hidden from before.
+    /// Whether there was a way there.
+    pub fn look_from_beside(&self, agent: &mut Agent, nav: &NavConfig, is_left: bool) -> Result<bool, Halt> {
+        const LOOK: Span = Span(3_000_000_000);
+        /// From its side, and from the line of its front outwards, the nearest first, metres.
+        const BESIDE_M: [f64; 4] = [0.38, 0.46, 0.54, 0.62];
+        const OUT_M: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
+        let normal = self.handle.normal.xy();
+        let across = Vector3::z().cross(&self.handle.normal).xy() * if is_left { -1.0 } else { 1.0 };
+        let front = self.handle.center + self.handle.normal * self.out_m;
+        let middle = self.handle.center + self.handle.normal * (0.5 * self.out_m - self.handle.off_m);
+        let half_m = self.half_m;
+        let places = BESIDE_M.iter().flat_map(|beside_m| OUT_M.iter().map(move |out_m| (beside_m, out_m)));
+        let places: Vec<Point2<f64>> =
+            places.map(|(beside_m, out_m)| front.xy() + across * (half_m + beside_m) + normal * *out_m).collect();
+        let Some(position) = find_first_free(agent, nav, places)? else { return Ok(false) };
+        agent.gaze = Gaze::AHEAD;
+        let place = Pose2::facing(position, &middle.xy());
+        if Drive::to_pose(nav, place).run(agent)? != DriveOutcome::Arrived {
+            return Ok(false);
+        }
+        agent.gaze = Gaze::Point(middle);
+        agent.rest(LOOK)?;
+        Ok(true)
     }
 
     /// How high its front rises, by points at it, metres; `None` for hardly any.
@@ -131,6 +150,19 @@ impl OpenDrawer {
         let grounding = Grounding { status: GroundingStatus::Found, ..grounding };
         Some(grounding).filter(|grounding| is_there && grounding.object_id.is_some())
     }
+}
+
+/// The first of the places that the base can drive to.
+fn find_first_free(agent: &mut Agent, nav: &NavConfig, places: Vec<Point2<f64>>) -> Result<Option<Point2<f64>>, Halt> {
+    let (map, nav) = (agent.map().clone(), nav.clone());
+    let start = Pose2::from_pose(&agent.world_from_base()?).position;
+    agent.plan(move || {
+        let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
+        let field = Field::from_start(&costmap, &start);
+        let is_place =
+            |place: &Point2<f64>| costmap.is_traversable_at(place) && field.find_length_to_m(place).is_some();
+        places.into_iter().find(is_place)
+    })
 }
 
 /// The level at which points cover most, metres; `None` for hardly any.
