@@ -155,9 +155,25 @@ fn closed_depth_m(
     planes.iter().map(depth_m).min_by(f64::total_cmp)
 }
 
+/// Where the rearmost fronts of two rows (depth and height of each) lie alike: drawers are hardly ever open by the same, and
+/// what is seen of the top may be little, or things on it.
+fn agreed_depth_m(mut fronts: Vec<(f64, f64)>) -> Option<f64> {
+    const ALIKE_M: f64 = 0.015;
+    const ROW_M: f64 = 0.08;
+    fronts.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let alike = |a: &(f64, f64), b: &(f64, f64)| b.0 - a.0 < ALIKE_M && (b.1 - a.1).abs() > ROW_M;
+    let pairs = fronts.iter().enumerate().flat_map(|(i, a)| fronts[i + 1..].iter().map(move |b| (a, b)));
+    pairs.into_iter().find(|(a, b)| alike(a, b)).map(|(a, b)| 0.5 * (a.0 + b.0))
+}
+
 fn read_drawers(points: &[Point3<f64>], planes: &[Front], (side, top_m): (&Side, f64), part: Part) -> Stand {
     let Some(normal) = planes.first().map(|plane| plane.normal) else { return Stand::Unseen };
-    let Some(closed_m) = closed_depth_m(points, planes, &normal, (side, top_m)) else { return Stand::Unseen };
+    let Some(mut closed_m) = closed_depth_m(points, planes, &normal, (side, top_m)) else { return Stand::Unseen };
+    let handles = planes.iter().flat_map(|plane| find_handles(points, plane)).filter(|bar| !bar.is_upright());
+    let fronts = handles.map(|bar| (bar.center.coords.dot(&normal) - bar.off_m, bar.center.z));
+    if let Some(agreed_m) = agreed_depth_m(fronts.collect()) {
+        closed_m = agreed_m;
+    }
     let out_m = |bar: &Handle| bar.center.coords.dot(&normal) - bar.off_m - closed_m;
     let mut bars: Vec<Handle> = Vec::new();
     for plane in planes {
@@ -298,6 +314,17 @@ mod tests {
 
     fn side() -> Side {
         Side { middle: Point2::new(1.0, 0.0), normal: -Vector3::x(), half_m: 0.36, depth_m: 0.45 }
+    }
+
+    #[test]
+    fn two_rows_that_lie_alike_are_closed() {
+        let fronts = vec![(1.0, 0.2), (1.005, 0.5), (1.2, 0.7)];
+        assert!(agreed_depth_m(fronts).is_some_and(|depth_m| (depth_m - 1.0025).abs() < 1e-9));
+        assert_eq!(
+            agreed_depth_m(vec![(1.0, 0.2), (1.3, 0.5), (1.31, 0.52)]),
+            None,
+            "one row, and two handles of another"
+        );
     }
 
     fn drawer(place: Option<PartPlace>) -> Part {
