@@ -3,7 +3,7 @@
 use super::{Done, Executor, NO_ROOM, PLACE, failed, settled};
 use crate::agent::{Agent, Halt};
 use crate::skills::Outcome;
-use crate::skills::meaning::{FITS, Meaning, find_rivals};
+use crate::skills::meaning::{FITS, FITS_POORLY, Meaning, find_rivals};
 use crate::skills::navigate::navigate_to_object;
 use crate::skills::regrip::grasp;
 use crate::skills::search::Thoroughness;
@@ -84,18 +84,29 @@ impl Executor {
         let mut rivals = find_rivals(&map, id);
         rivals.sort_by(|a, b| away_m(a).total_cmp(&away_m(b)).then(a.cmp(b)));
         let meaning = Meaning::new(&self.grounder, &self.knowledge, text);
-        for other in rivals.into_iter().take(MOST_RIVALS) {
+        let mut best: Option<(f32, ObjectId)> = None;
+        for other in rivals.into_iter().take(MOST_RIVALS).chain([id]) {
             if !matches!(navigate_to_object(agent, &self.nav, other, None)?, Outcome::Done(_)) {
                 continue;
             }
             let Some(score) = meaning.score_now(agent, "head", other)? else { continue };
             agent.note(format!("object {} fits by {score:.2} as it looks now", other.0));
-            if score >= FITS {
+            if score >= FITS && other != id {
                 let outcome = self.grasp_and_weigh(agent, other, text)?;
                 return Ok(settled("grasp", outcome, Grounding { object_id: Some(other), score, ..grounding }));
             }
+            if best.is_none_or(|(most, _)| score > most) {
+                best = Some((score, other));
+            }
         }
-        Ok(settled("grasp", outcome, grounding))
+        // None fits well: the best of them, if it is not plainly another one.
+        let Some((score, best)) = best.filter(|(score, _)| *score >= FITS_POORLY) else {
+            return Ok(settled("grasp", outcome, grounding));
+        };
+        agent.note(format!("object {} fits best", best.0));
+        let grasped = grasp(agent, &self.nav, &self.grasping, best, None)?;
+        let outcome = self.weigh(agent, grasped)?;
+        Ok(settled("grasp", outcome, Grounding { object_id: Some(best), score, ..grounding }))
     }
 
     fn grasp_and_weigh(&mut self, agent: &mut Agent, id: ObjectId, text: &str) -> Result<Outcome, Halt> {

@@ -28,10 +28,11 @@ const FOOT_M: f64 = 0.02;
 const MOST_POINTS: usize = 400;
 /// What the words meant keeps at least this share of its score; less where no other one of its name is known that it could
 /// have been put in the place of.
-const KEPT_SHARE: f32 = 0.35;
-const KEPT_SHARE_ALONE: f32 = 0.2;
-/// What is taken in its place fits the words at least so well.
+const KEPT_SHARE: f32 = 0.6;
+const KEPT_SHARE_ALONE: f32 = 0.45;
+/// What is taken in its place fits the words at least so well; the best of several that do not, this well.
 pub(crate) const FITS: f32 = 0.5;
+pub(crate) const FITS_POORLY: f32 = 0.35;
 
 /// What words mean, to be held against what is seen now.
 #[derive(Clone)]
