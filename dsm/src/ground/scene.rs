@@ -134,6 +134,9 @@ impl<'a> Scene<'a> {
         const COMMON_SHARE: f64 = 0.5;
         const GAP_M: f64 = 0.1;
         const SAME_PLACE_SHARE: f64 = 0.6;
+        /// Boxes of the map are too large by a little: solid things that touch share less of the smaller one than this.
+        const SOLID_SHARE: f64 = 0.35;
+        const SELDOM: u32 = 2;
         /// What is lower than this share of a thing is a slice of it, and no smaller one that stands in it.
         const FLAT_SHARE: f64 = 0.4;
         /// Pieces of one thing that lie over each other have their middles within this share of their width.
@@ -154,7 +157,13 @@ impl<'a> Scene<'a> {
             let is_flat = a.height_m() < FLAT_SHARE * b.height_m();
             let inside = b.contains(&a.center, 0.0) && (!nests || is_flat || a.contains(&b.center, 0.0));
             let smaller = a.volume_m3().min(b.volume_m3());
-            if inside && a.intersection_volume_m3(b) > SAME_PLACE_SHARE * smaller {
+            let common = a.intersection_volume_m3(b);
+            if inside && common > SAME_PLACE_SHARE * smaller {
+                return true;
+            }
+            // Solid things do not stand in each other: one was moved while it was looked at, or the pose was off.
+            let is_seldom = SELDOM * double.observations <= known.observations;
+            if !nests && is_seldom && common > SOLID_SHARE * smaller {
                 return true;
             }
             // Furniture does not stand on furniture of its name: it is torn into an upper and a lower piece, either of

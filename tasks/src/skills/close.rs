@@ -39,6 +39,10 @@ const BEFORE_M: f64 = 0.06;
 const SURPRISE_M: f64 = 0.08;
 /// A part may go on for so much longer than it looks, metres.
 const FARTHER_M: f64 = 0.08;
+/// What was pushed to until it held, all of the way but this, and seems to stand out by no more than that, is closed, metres:
+/// a push into what does not give way presses on it.
+const LOOKS_OFF_M: f64 = 0.04;
+const NEARLY_M: f64 = 0.1;
 /// Backs off so far before the arm moves otherwise, metres.
 const BACK_OUT_M: f64 = 0.16;
 /// Places from which what was pushed to is looked at again.
@@ -70,6 +74,7 @@ pub fn close(
     };
     let task = Task { nav, settings, bounds, part };
     let mut way_m = 0.0;
+    let mut left_m = f64::INFINITY;
     for pushes in 0..=MAX_PUSHES {
         let (stand, side) = match task.look_around(agent, if pushes == 0 { usize::MAX } else { LOOKS_AFTER })? {
             Ok(seen) => seen,
@@ -83,6 +88,9 @@ pub fn close(
             let how = if pushes == 0 { "it is closed already".to_owned() } else { format!("closed by {way_m:.2} m") };
             return Ok(Outcome::Done(how));
         };
+        if left_m < LOOKS_OFF_M && ajar.way_m < NEARLY_M {
+            return Ok(Outcome::Done(format!("closed by {way_m:.2} m, until it held")));
+        }
         if pushes == MAX_PUSHES {
             let reason = format!("still open by {:.2} m after {MAX_PUSHES} pushes", ajar.way_m);
             return Ok(Outcome::Failed(Stage::Open, reason));
@@ -94,7 +102,10 @@ pub fn close(
         };
         stowed.extend(load.iter().copied().filter(|other| *other != id));
         match task.push_to(agent, &ajar, &side, &load)? {
-            Ok(pushed_m) => way_m += pushed_m,
+            Ok(pushed_m) => {
+                way_m += pushed_m;
+                left_m = ajar.way_m - pushed_m;
+            }
             Err((stage, reason)) => {
                 agent.note(format!("closing, push {pushes} failed ({stage:?}): {reason}"));
                 if stage == Stage::Planning || pushes + 1 == MAX_PUSHES {

@@ -13,9 +13,9 @@ use dsm_robot::nav::{Costmap, Field, Pose2};
 use nalgebra::{Point2, Translation3, Vector3};
 
 /// Distances from a front for a first look, the best first, metres: near enough that a bar of 12 mm has five pixels.
-const LOOK_M: [f64; 3] = [0.95, 0.8, 1.1];
+const LOOK_M: [f64; 5] = [0.95, 0.8, 1.1, 0.7, 1.25];
 /// ... and to the side of its middle.
-const ASIDE_M: [f64; 5] = [0.0, 0.15, -0.15, 0.3, -0.3];
+const ASIDE_M: [f64; 7] = [0.0, 0.15, -0.15, 0.3, -0.3, 0.45, -0.45];
 /// Distances of the base from the handle that it pulls, the best first, metres.
 const PULL_FROM_M: [f64; 6] = [0.62, 0.66, 0.58, 0.7, 0.54, 0.5];
 /// How far beside the handle of a drawer the base stands, metres.
@@ -49,10 +49,22 @@ pub(super) fn places_to_look(map: &Map, bounds: &OrientedBox, costmap: &Costmap,
         let across = Vector3::z().cross(&side.normal).xy();
         let ways = LOOK_M.iter().flat_map(|off_m| ASIDE_M.iter().map(move |aside_m| (off_m, aside_m)));
         ways.map(|(off_m, aside_m)| side.middle + side.normal.xy() * *off_m + across * *aside_m)
+            .filter(|p| is_seen_from(map, side, p))
             .find(|p| costmap.is_traversable_at(p) && field.find_length_to_m(p).is_some())
             .map(|p| (*side, Pose2::facing(p, &side.middle)))
     };
     sides.iter().filter_map(place).collect()
+}
+
+/// Whether no wall stands between a place and the middle of a side.
+fn is_seen_from(map: &Map, side: &Side, place: &Point2<f64>) -> bool {
+    const STEP_M: f64 = 0.04;
+    /// What the furniture itself marks before its side, metres.
+    const OWN_M: f64 = 0.2;
+    let way = side.middle - place;
+    let steps = ((way.norm() - OWN_M) / STEP_M).max(0.0) as i32;
+    let on_it = |i: i32| place + way.normalize() * (f64::from(i) * STEP_M);
+    (0..=steps).all(|i| map.free_space.state_at(&on_it(i)) != CellState::Occupied)
 }
 
 /// How likely the side is the front: free floor before it, none behind the furniture.

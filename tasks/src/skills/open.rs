@@ -38,8 +38,9 @@ const BAR_M: (f64, f64) = (0.006, 0.035);
 const OPENING_M: f64 = 0.08;
 /// Share of its depth by which furniture lets its drawers out: three quarters is what plain runners do.
 const EXTENSION: f64 = 0.75;
-/// ... between these bounds, metres: how deep furniture is that was seen from the front alone is not known.
-const WAY_M: (f64, f64) = (0.3, 0.45);
+/// ... between these bounds, metres: how deep furniture is that was seen from the front alone is not known, and what lies far
+/// back is only seen when the drawer is all out. Its end holds the hand, which slips before it presses.
+const WAY_M: (f64, f64) = (0.42, 0.45);
 /// The hand backs out so far before it moves otherwise, metres: fingers are around a bar by 5 cm.
 const BACK_OUT_M: f64 = 0.16;
 /// A pull that ends sooner has opened nothing, metres.

@@ -22,7 +22,7 @@ use nalgebra::Vector3;
 /// Speed of a push, metres per second.
 const PUSH_M_PER_S: f64 = 0.02;
 /// Speed where the end is near, and how near that is, metres: what is pushed stops there at once.
-const LAST_M_PER_S: f64 = 0.01;
+const LAST_M_PER_S: f64 = 0.006;
 const NEAR_END_M: f64 = 0.1;
 /// The hand lags behind its way by no more than this above what is usual, metres: where it meets what it pushes and that
 /// breaks loose, which takes so much way, and after that.

@@ -368,6 +368,16 @@ fn slices_and_torn_pieces_are_no_rivals() {
     let mug = || thing(1, "mug", [0.8, -1.94, 0.5], [0.08, 0.08, 0.1]).seen(51);
     let slice = thing(2, "mug", [0.81, -1.95, 0.53], [0.07, 0.07, 0.02]).seen(20);
     assert_found(&ground(&map_of([mug(), slice]), "the mug"), 1, "a slice of it");
+    let moved = |seen, by_m| thing(2, "mug", [0.8 + by_m, -1.94, 0.5], [0.08, 0.08, 0.1]).seen(seen);
+    let ambiguous = GroundingStatus::Ambiguous;
+    let book = |id, x_m, seen| thing(id, "book", [x_m, 0.0, 0.5], [0.1, 0.1, 0.13]).seen(seen);
+    assert_found(
+        &ground(&map_of([book(1, 0.0, 160), book(2, 0.06, 40)]), "the book"),
+        1,
+        "solid things share no place",
+    );
+    assert_status(&ground(&map_of([book(1, 0.0, 160), book(2, 0.08, 40)]), "the book"), ambiguous, "they touch");
+    assert_status(&ground(&map_of([mug(), moved(20, 0.05)]), "the mug"), ambiguous, "mugs may be stacked");
     let back = || thing(1, "chair", [4.62, 3.3, 0.68], [0.42, 0.4, 0.4]).seen(28);
     let seat = thing(2, "chair", [4.6, 3.32, 0.23], [0.45, 0.44, 0.46]).seen(19);
     assert_found(&ground(&map_of([back(), seat]), "the chair"), 1, "its lower half");
