@@ -4,7 +4,8 @@ use super::{Done, Executor, done, failed, settled};
 use crate::agent::{Agent, Halt};
 use crate::skills::Outcome;
 use crate::skills::close::close;
-use crate::skills::explore::Interest;
+use crate::skills::explore::{ExploreOutcome, Interest};
+use crate::skills::front_places::way_to_front;
 use crate::skills::inside::OpenDrawer;
 use crate::skills::open::open;
 use crate::skills::place::raise;
@@ -15,6 +16,7 @@ use dsm::ground::{Action, Command, Grounding, GroundingStatus, Part, PartKind};
 use dsm::knowledge::Knowledge;
 use dsm::map::{Map, ObjectId};
 use dsm::time::{Span, Stamp};
+use dsm_robot::nav::Pose2;
 use std::collections::BTreeSet;
 
 /// Name of the skill that takes things out of furniture.
@@ -99,7 +101,10 @@ impl Executor {
         id: ObjectId,
         part: Part,
     ) -> Result<(Outcome, Option<OpenDrawer>), Halt> {
-        let (outcome, drawer) = open(agent, &self.nav, &self.grasping, id, part)?;
+        let (mut outcome, mut drawer) = open(agent, &self.nav, &self.grasping, id, part)?;
+        if matches!(outcome, Outcome::Failed(Stage::Planning, _)) && self.explore_to_front(agent, id)? {
+            (outcome, drawer) = open(agent, &self.nav, &self.grasping, id, part)?;
+        }
         if matches!(outcome, Outcome::Done(_)) {
             self.opened = Some(Opened { id, part, drawer });
         }
@@ -113,10 +118,22 @@ impl Executor {
         Ok((outcome, drawer))
     }
 
+    /// Explores until there is a way before the front of furniture that was seen from afar; whether there is one.
+    fn explore_to_front(&mut self, agent: &mut Agent, id: ObjectId) -> Result<bool, Halt> {
+        agent.note("explores on for a way before its front");
+        let end = Stamp(agent.deadline().0 - TIME_TO_OPEN.0);
+        let mut opens = way_to_front(&self.nav, id, Pose2::from_pose(&agent.world_from_base()?).position);
+        let interest = Interest { enough: &mut opens, inspect: &|_| Vec::new() };
+        Ok(self.explorer.run(agent, end, interest)? == ExploreOutcome::Enough)
+    }
+
     /// Closes a part, and remembers what lies in it.
     fn close_part(&mut self, agent: &mut Agent, id: ObjectId, part: Part) -> Result<Outcome, Halt> {
         let mut inside = BTreeSet::new();
-        let outcome = close(agent, &self.nav, &self.grasping, id, part, &mut inside)?;
+        let mut outcome = close(agent, &self.nav, &self.grasping, id, part, &mut inside)?;
+        if matches!(outcome, Outcome::Failed(Stage::Planning, _)) && self.explore_to_front(agent, id)? {
+            outcome = close(agent, &self.nav, &self.grasping, id, part, &mut inside)?;
+        }
         if matches!(outcome, Outcome::Done(_)) {
             self.opened.take_if(|opened| opened.id == id);
             if !inside.is_empty() {

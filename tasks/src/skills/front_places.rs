@@ -5,12 +5,14 @@ use super::fronts::{Grabbed, Side, sides_of};
 use super::swing::{Hinge, rehearse};
 use dsm::Pose;
 use dsm::geometry::OrientedBox;
-use dsm::map::{CellState, Map};
+use dsm::map::{CellState, Map, ObjectId};
+use dsm::time::{Span, Stamp};
 use dsm_robot::control::{IkRequest, find_ik};
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::{Configuration, RobotModel};
-use dsm_robot::nav::{Costmap, Field, Pose2};
+use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
 use nalgebra::{Point2, Translation3, Vector3};
+use std::sync::Arc;
 
 /// Distances from a front for a first look, the best first, metres: near enough that a bar of 12 mm has five pixels.
 const LOOK_M: [f64; 5] = [0.95, 0.8, 1.1, 0.7, 1.25];
@@ -56,11 +58,28 @@ pub(super) fn places_to_look(map: &Map, bounds: &OrientedBox, costmap: &Costmap,
     sides.iter().filter_map(place).collect()
 }
 
+/// Says of each new map, at most once a second, whether a place before a front of the object can be reached from `start`.
+pub(crate) fn way_to_front(nav: &NavConfig, id: ObjectId, start: Point2<f64>) -> impl FnMut(&Arc<Map>) -> bool + use<> {
+    const EVERY: Span = Span(1_000_000_000);
+    let nav = nav.clone();
+    let mut asked_at: Option<Stamp> = None;
+    move |map| {
+        if asked_at.is_some_and(|at| map.stamp - at < EVERY) {
+            return false;
+        }
+        asked_at = Some(map.stamp);
+        let Some(object) = map.find_object(id) else { return false };
+        let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
+        let field = Field::from_start(&costmap, &start);
+        !places_to_look(map, &object.bounds, &costmap, &field).is_empty()
+    }
+}
+
 /// Whether no wall stands between a place and the middle of a side.
 fn is_seen_from(map: &Map, side: &Side, place: &Point2<f64>) -> bool {
     const STEP_M: f64 = 0.04;
-    /// What the furniture itself marks before its side, metres.
-    const OWN_M: f64 = 0.2;
+    /// What the furniture itself marks before its side, metres: handles. Walls that it stands against reach farther.
+    const OWN_M: f64 = 0.1;
     let way = side.middle - place;
     let steps = ((way.norm() - OWN_M) / STEP_M).max(0.0) as i32;
     let on_it = |i: i32| place + way.normalize() * (f64::from(i) * STEP_M);

@@ -10,7 +10,7 @@ pub mod close;
 pub mod drive;
 pub mod explore;
 pub mod fallen;
-mod front_places;
+pub(crate) mod front_places;
 mod fronts;
 pub mod grasp;
 pub mod held;

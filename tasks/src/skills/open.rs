@@ -165,7 +165,9 @@ impl Task<'_> {
         let mut seen = 0;
         for (side, place) in places {
             agent.gaze = Gaze::AHEAD;
-            if Drive::to_pose(self.nav, place).run(agent)? != DriveOutcome::Arrived {
+            let driven = Drive::to_pose(self.nav, place).run(agent)?;
+            if driven != DriveOutcome::Arrived {
+                agent.note(format!("a side cannot be looked at: {driven:?}"));
                 continue;
             }
             let Some((front, handles)) = self.look(agent, &side)? else { continue };
