@@ -85,27 +85,32 @@ impl Executor {
         rivals.sort_by(|a, b| away_m(a).total_cmp(&away_m(b)).then(a.cmp(b)));
         let meaning = Meaning::new(&self.grounder, &self.knowledge, text);
         let mut best: Option<(f32, ObjectId)> = None;
-        for other in rivals.into_iter().take(MOST_RIVALS).chain([id]) {
+        // The hand's own shadow may have deceived: first what stood there, from a step back.
+        for other in [id].into_iter().chain(rivals.into_iter().take(MOST_RIVALS)) {
             if !matches!(navigate_to_object(agent, &self.nav, other, None)?, Outcome::Done(_)) {
                 continue;
             }
             let Some(score) = meaning.score_now(agent, "head", other)? else { continue };
             agent.note(format!("object {} fits by {score:.2} as it looks now", other.0));
-            if score >= FITS && other != id {
-                let outcome = self.grasp_and_weigh(agent, other, text)?;
-                return Ok(settled("grasp", outcome, Grounding { object_id: Some(other), score, ..grounding }));
-            }
             if best.is_none_or(|(most, _)| score > most) {
                 best = Some((score, other));
             }
+            if score >= FITS {
+                break;
+            }
         }
-        // None fits well: the best of them, if it is not plainly another one.
+        // The best of them, if it is not plainly another one.
         let Some((score, best)) = best.filter(|(score, _)| *score >= FITS_POORLY) else {
             return Ok(settled("grasp", outcome, grounding));
         };
         agent.note(format!("object {} fits best", best.0));
-        let grasped = grasp(agent, &self.nav, &self.grasping, best, None)?;
-        let outcome = self.weigh(agent, grasped)?;
+        // What was looked at twice needs no third look.
+        let outcome = if best == id || score < FITS {
+            let grasped = grasp(agent, &self.nav, &self.grasping, best, None)?;
+            self.weigh(agent, grasped)?
+        } else {
+            self.grasp_and_weigh(agent, best, text)?
+        };
         Ok(settled("grasp", outcome, Grounding { object_id: Some(best), score, ..grounding }))
     }
 
