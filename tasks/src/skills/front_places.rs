@@ -2,11 +2,11 @@
 
 use super::approach::{Approach, Ground, find_approach_around, find_approaches};
 use super::fronts::{Grabbed, Side, sides_of};
+use super::navigate::opens;
 use super::swing::{Hinge, rehearse};
 use dsm::Pose;
 use dsm::geometry::OrientedBox;
 use dsm::map::{CellState, Map, ObjectId};
-use dsm::time::{Span, Stamp};
 use dsm_robot::control::{IkRequest, find_ik};
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::{Configuration, RobotModel};
@@ -60,19 +60,7 @@ pub(super) fn places_to_look(map: &Map, bounds: &OrientedBox, costmap: &Costmap,
 
 /// Says of each new map, at most once a second, whether a place before a front of the object can be reached from `start`.
 pub(crate) fn way_to_front(nav: &NavConfig, id: ObjectId, start: Point2<f64>) -> impl FnMut(&Arc<Map>) -> bool + use<> {
-    const EVERY: Span = Span(1_000_000_000);
-    let nav = nav.clone();
-    let mut asked_at: Option<Stamp> = None;
-    move |map| {
-        if asked_at.is_some_and(|at| map.stamp - at < EVERY) {
-            return false;
-        }
-        asked_at = Some(map.stamp);
-        let Some(object) = map.find_object(id) else { return false };
-        let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
-        let field = Field::from_start(&costmap, &start);
-        !places_to_look(map, &object.bounds, &costmap, &field).is_empty()
-    }
+    opens(nav, id, start, |map, bounds, costmap, field| !places_to_look(map, bounds, costmap, field).is_empty())
 }
 
 /// Whether no wall stands between a place and the middle of a side.

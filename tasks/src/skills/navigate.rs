@@ -4,6 +4,7 @@ use super::Outcome;
 use super::drive::{Drive, DriveOutcome};
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
+use dsm::geometry::OrientedBox;
 use dsm::ground::RelationWord;
 use dsm::map::{Map, ObjectId, RoomId};
 use dsm::time::{Span, Stamp};
@@ -106,8 +107,21 @@ pub fn navigate_to_object(
 
 /// Says of each new map, at most once a second, whether a place from which the object is seen can be reached from `start`.
 pub fn way_to(nav: &NavConfig, id: ObjectId, start: Point2<f64>) -> impl FnMut(&Arc<Map>) -> bool + use<> {
+    let goal = nav.goal.clone();
+    opens(nav, id, start, move |map, bounds, costmap, field| {
+        !find_view_poses(map, costmap, field, bounds, &goal).is_empty()
+    })
+}
+
+/// Asks of each new map, at most once a second, whether the object's box can be come to from `start`.
+pub(super) fn opens<F: Fn(&Map, &OrientedBox, &Costmap, &Field) -> bool>(
+    nav: &NavConfig,
+    id: ObjectId,
+    start: Point2<f64>,
+    is_open: F,
+) -> impl FnMut(&Arc<Map>) -> bool + use<F> {
     const EVERY: Span = Span(1_000_000_000);
-    let nav = nav.clone();
+    let costs = nav.costmap.clone();
     let mut asked_at: Option<Stamp> = None;
     move |map| {
         if asked_at.is_some_and(|at| map.stamp - at < EVERY) {
@@ -115,9 +129,9 @@ pub fn way_to(nav: &NavConfig, id: ObjectId, start: Point2<f64>) -> impl FnMut(&
         }
         asked_at = Some(map.stamp);
         let Some(object) = map.find_object(id) else { return false };
-        let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
+        let costmap = Costmap::from_free_space(&map.free_space, &costs);
         let field = Field::from_start(&costmap, &start);
-        !find_view_poses(map, &costmap, &field, &object.bounds, &nav.goal).is_empty()
+        is_open(map, &object.bounds, &costmap, &field)
     }
 }
 
