@@ -184,6 +184,7 @@ fn add_joint(body: &mut MjsBody, robot: &RobotBody, joint: &Joint) -> Result<(),
     let bound = if is_finger { robot.fingers.max_force_n } else { f64::INFINITY };
     let max_effort = joint.limits.effort.min(bound);
     added.set_armature(GEAR_S * max_effort / joint.limits.velocity);
+    // Beside the actuator: what it gives, it gives beyond what carries the arm (`Setpoint::spare_effort`).
     added.set_actgravcomp(true);
     added.set_actfrclimited(mjtLimited::mjLIMITED_TRUE);
     *added.actfrcrange_mut() = [-max_effort, max_effort];

@@ -172,7 +172,8 @@ impl MujocoPhysics {
         for (control, setpoint) in self.data.ctrl_mut().iter_mut().zip(&setpoints) {
             *control = setpoint.stiffness * setpoint.position + setpoint.damping * setpoint.velocity;
         }
-        let bounds: Vec<f64> = setpoints.iter().map(|setpoint| setpoint.max_effort).collect();
+        // What carries the robot comes beside the actuators here: they give only what is beyond it.
+        let bounds: Vec<f64> = setpoints.iter().map(|setpoint| setpoint.max_effort.min(setpoint.spare_effort)).collect();
         if bounds == self.bounds {
             return;
         }

@@ -35,10 +35,10 @@ pub(super) fn before_step(motors: &mut Motors, robot: &BuiltRobot, world: &mut P
 /// Gravity feed-forward goes through the position target: at rest the motor then gives exactly the holding effort, and
 /// the effort bound covers it.
 fn set_motor(joint: &mut GenericJoint, axis: JointAxis, setpoint: &Setpoint, holding: f64) {
-    let Setpoint { position, velocity, stiffness, damping, max_effort } = *setpoint;
+    let Setpoint { position, velocity, stiffness, damping, max_effort, spare_effort } = *setpoint;
     let target = position + holding / stiffness;
     joint.set_motor(axis, target as f32, velocity as f32, stiffness as f32, damping as f32);
-    joint.set_motor_max_force(axis, max_effort as f32);
+    joint.set_motor_max_force(axis, max_effort.min(holding.abs() + spare_effort) as f32);
 }
 
 /// Reads back what the motors did during the step.

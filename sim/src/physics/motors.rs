@@ -34,6 +34,11 @@ const BASE_HOLD_RAD: f64 = 0.005;
 /// Damping of the base's motors over their stiffness, seconds.
 const BASE_DAMPING_S: f64 = 0.15;
 
+/// Share of its effort that a joint's motor gives beyond what carries the arm, and for joints that slide that effort, newtons:
+/// drives beside people and furniture limit their force, so that an arm that is held up presses with 40 to 60 N at its hand.
+const SPARE_SHARE: f64 = 0.18;
+const SPARE_N: f64 = 45.0;
+
 /// What a motor does during the next step: effort = stiffness (position - measured) + damping (velocity - measured),
 /// bounded by `max_effort`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +53,8 @@ pub struct Setpoint {
     pub damping: f64,
     /// Newton metres or newtons, not below 0.
     pub max_effort: f64,
+    /// Greatest effort beyond what carries the arm, newton metres or newtons, not below 0.
+    pub spare_effort: f64,
 }
 
 impl Setpoint {
@@ -69,6 +76,8 @@ struct Motor {
     effort: f64,
     /// Greatest effort whatever the target says.
     max_effort: f64,
+    /// Greatest effort beyond what carries the arm.
+    spare_effort: f64,
 }
 
 /// All motors of the robot.
@@ -92,7 +101,13 @@ impl Motors {
         positions: &[f64],
     ) -> Self {
         let motors = joints.iter().zip(positions).enumerate().map(|(index, (joint, position))| {
-            let bound = if fingers.contains(&index) { finger_max_force_n } else { f64::INFINITY };
+            let is_finger = fingers.contains(&index);
+            let bound = if is_finger { finger_max_force_n } else { f64::INFINITY };
+            let spare_effort = match joint.prismatic {
+                _ if is_finger => f64::INFINITY,
+                true => SPARE_N,
+                false => SPARE_SHARE * joint.max_effort,
+            };
             Motor {
                 gains: gains(joint),
                 target: JointTarget::Velocity(0.0),
@@ -101,6 +116,7 @@ impl Motors {
                 velocity: 0.0,
                 effort: 0.0,
                 max_effort: joint.max_effort.min(bound),
+                spare_effort,
             }
         });
         let motors = motors.collect();
@@ -138,7 +154,7 @@ impl Motors {
             reference[axis] = (reference[axis] + velocity * dt_s).clamp(position - hold, position + hold);
             let stiffness = max_effort / hold;
             let damping = BASE_DAMPING_S * stiffness;
-            Setpoint { position: reference[axis], velocity, stiffness, damping, max_effort }
+            Setpoint { position: reference[axis], velocity, stiffness, damping, max_effort, spare_effort: max_effort }
         });
         self.base_reference = reference;
         setpoints
@@ -171,7 +187,7 @@ impl Motors {
             }
         };
         let max_effort = max_effort.min(motor.max_effort).max(0.0);
-        Setpoint { position: motor.reference, velocity, stiffness, damping, max_effort }
+        Setpoint { position: motor.reference, velocity, stiffness, damping, max_effort, spare_effort: motor.spare_effort }
     }
 
     /// Tells what a joint's motor did during a step.
