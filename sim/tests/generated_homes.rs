@@ -58,7 +58,8 @@ fn articulated_homes_are_the_same_homes_with_furniture_that_opens() {
     let (mut drawers, mut hidden) = (0, 0);
     for seed in 0..8 {
         let plain = home(seed);
-        let config = HomeConfig { seed, rooms: 5, objects: 90, furniture: Furniture::Articulated };
+        let furniture = Furniture::Articulated;
+        let config = HomeConfig { seed, rooms: 5, objects: 90, furniture, ..HomeConfig::default() };
         let scene = generate_home(&config).expect("there is room");
         assert_eq!(scene, generate_home(&config).expect("there is room"), "same bytes");
         let paths = [(&plain, "plain"), (&scene, "open")].map(|(scene, name)| {

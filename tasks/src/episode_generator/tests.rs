@@ -11,7 +11,7 @@ fn load_home(seed: u64) -> (tempfile::TempDir, SceneModel, Semantics) {
 
 fn load_home_with(seed: u64, furniture: Furniture) -> (tempfile::TempDir, SceneModel, Semantics) {
     let folder = tempfile::tempdir().unwrap();
-    let scene = generate_home(&HomeConfig { seed, rooms: 5, objects: 90, furniture }).unwrap();
+    let scene = generate_home(&HomeConfig { seed, rooms: 5, objects: 90, furniture, ..HomeConfig::default() }).unwrap();
     for (name, bytes) in &scene.files {
         let path = folder.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
