@@ -59,7 +59,7 @@ impl Passages {
 }
 
 /// The rooms that a base comes to from a start, with the way into each, metres.
-fn find_rooms(costmap: &Costmap, start: &Point2<f64>, semantics: &Semantics) -> BTreeMap<String, f64> {
+pub(super) fn find_rooms(costmap: &Costmap, start: &Point2<f64>, semantics: &Semantics) -> BTreeMap<String, f64> {
     let field = Field::from_start(costmap, start);
     let grid = costmap.grid();
     let mut rooms = BTreeMap::new();
