@@ -3,13 +3,14 @@
 
 use super::Outcome;
 use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
+use super::arm::{move_joints_around, move_through};
 use super::close::hands_ahead;
 use super::doors::{ClosedDoor, Leaf, Opens, read_leaf};
 use super::drive::{Drive, DriveOutcome};
 use super::front_places::{Reach, WRIST_LOOK_M, reaches};
 use super::fronts::{Grabbed, Side, gather};
 use super::grasp::{GraspSettings, finger_links};
-use super::obstacles::find_obstacles;
+use super::obstacles::{find_obstacles, leave_out_overlaps};
 use super::open::{open_by, pose_before};
 use super::pull::{creep, turn};
 use super::retreat::retreat;
@@ -19,9 +20,10 @@ use crate::summary::Stage;
 use dsm::Pose;
 use dsm::time::Span;
 use dsm_robot::control::{IkRequest, find_ik};
-use dsm_robot::model::{Configuration, RobotModel};
+use dsm_robot::joints::JointPositions;
+use dsm_robot::model::{Configuration, Obstacle, RobotModel};
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
-use nalgebra::{Point2, Point3, Translation3, Vector3};
+use nalgebra::{Point2, Point3, Translation3, Vector2, Vector3};
 
 /// Attempts before a door is given up.
 const MAX_ATTEMPTS: usize = 2;
@@ -39,8 +41,9 @@ const PUSH_AT_M: [f64; 4] = [0.95, 0.85, 1.05, 0.75];
 const BESIDE_HANDLE_M: [f64; 2] = [0.09, 0.16];
 /// The hand stops so far before the leaf, metres: what localisation and looks are off.
 const BEFORE_M: f64 = 0.06;
-/// Backs off so much farther than it drove on, metres.
-const BACK_OUT_M: f64 = 0.3;
+/// The posture in which the robot drives, and how far that may stick out of the footprint, metres.
+const FOLDED: &str = "carry";
+const FOLDED_M: f64 = 0.02;
 
 type Tried<T> = Result<T, (Stage, String)>;
 
@@ -177,13 +180,12 @@ impl Task<'_> {
         // Hinged at the left it turns to the left.
         let sense = if seen.hinge.y > tool.translation.y { 1.0 } else { -1.0 };
         let arc = Arc::from_tool(seen.hinge, sense, &tool, model.settings.gripper.tip_beyond_tool_m);
-        let begin = agent.odom_from_base()?;
         let wanted_rad = PUSH_RAD + BEFORE_M / arc.radius_m();
         let pushed = shove(agent, &arc, (BEFORE_M, wanted_rad), &finger_links(&model))?;
         agent.note(format!("{pushed:?}"));
-        let driven_m = (begin.inverse() * agent.odom_from_base()?).translation.x;
-        creep(agent, -(driven_m.max(0.0) + BACK_OUT_M), 0.15)?;
-        retreat(agent)?;
+        if !withdraw(agent, &approach)? {
+            return Ok(Err((Stage::Reach, "the arm does not fold again before the door".into())));
+        }
         Ok(Ok(pushed))
     }
 
@@ -210,6 +212,51 @@ impl Task<'_> {
         creep(agent, here.x - tip_m - tool.translation.x - BEFORE_M, 0.08)?;
         Ok(Ok(()))
     }
+}
+
+/// Backs off to where the arm unfolded and folds it there the way that it came: in a doorway it has no room to. Whether it is
+/// folded then.
+fn withdraw(agent: &mut Agent, approach: &Approach) -> Result<bool, Halt> {
+    /// What touches on the way back ends it early, this often at most; so near is there, metres.
+    const TRIES: usize = 2;
+    const NEAR_M: f64 = 0.03;
+    const SPEED_M_PER_S: f64 = 0.15;
+    let unfold_at = &approach.unfold_at;
+    let ahead = Vector2::new(unfold_at.yaw_rad.cos(), unfold_at.yaw_rad.sin());
+    for _ in 0..TRIES {
+        let here = Pose2::from_pose(&agent.world_from_base()?).position;
+        let left_m = (here - unfold_at.position).dot(&ahead);
+        if left_m > NEAR_M {
+            creep(agent, -left_m, SPEED_M_PER_S)?;
+        }
+    }
+    let around = |agent: &mut Agent| -> Result<Vec<Obstacle>, Halt> {
+        let world_from_base = agent.world_from_base()?;
+        let mut obstacles = find_obstacles(agent.map(), Some(&agent.live), &world_from_base, None);
+        let (model, configuration) = (agent.model().clone(), agent.configuration()?);
+        leave_out_overlaps(&model, &configuration, &mut obstacles);
+        Ok(obstacles)
+    };
+    let folded = agent.model().find_posture(FOLDED);
+    let way: Vec<JointPositions> = approach.postures.iter().rev().cloned().chain(folded.clone()).collect();
+    let obstacles = around(agent)?;
+    move_through(agent, &way, &obstacles)?;
+    if is_folded(agent)? {
+        return Ok(true);
+    }
+    retreat(agent)?;
+    if let (false, Some(folded)) = (is_folded(agent)?, folded) {
+        let obstacles = around(agent)?;
+        move_joints_around(agent, &folded, &obstacles)?;
+    }
+    is_folded(agent)
+}
+
+/// Whether the arm is within the footprint, as far as it ever is.
+fn is_folded(agent: &mut Agent) -> Result<bool, Halt> {
+    let configuration = agent.configuration()?;
+    let model = agent.model();
+    Ok(model.radius_m(&configuration) <= model.settings.base.footprint_radius_m + FOLDED_M)
 }
 
 /// Where to stand and how to reach to push a leaf open, the way there, and where on the leaf to push.
