@@ -13,7 +13,7 @@ use super::grasp::{GraspSettings, finger_links};
 use super::obstacles::{find_obstacles, leave_out_overlaps};
 use super::open::{open_by, pose_before};
 use super::pull::{creep, turn};
-use super::retreat::retreat;
+use super::retreat::{back_off, retreat};
 use super::shove::{Arc, Shoved, shove};
 use crate::agent::{Agent, Gaze, Halt};
 use crate::summary::Stage;
@@ -41,6 +41,9 @@ const PUSH_AT_M: [f64; 4] = [0.95, 0.85, 1.05, 0.75];
 const BESIDE_HANDLE_M: [f64; 2] = [0.09, 0.16];
 /// The hand stops so far before the leaf, metres: what localisation and looks are off.
 const BEFORE_M: f64 = 0.06;
+/// An open doorway is looked at from so much farther back, metres, and the base backs off at this speed, metres per second.
+const LOOK_BACK_M: f64 = 0.45;
+const LOOK_BACK_M_PER_S: f64 = 0.15;
 /// The posture in which the robot drives, and how far that may stick out of the footprint, metres.
 const FOLDED: &str = "carry";
 const FOLDED_M: f64 = 0.02;
@@ -186,6 +189,8 @@ impl Task<'_> {
         if !withdraw(agent, &approach)? {
             return Ok(Err((Stage::Reach, "the arm does not fold again before the door".into())));
         }
+        // From near, the floor where the leaf stood is not seen well enough to be taken for free.
+        back_off(agent, LOOK_BACK_M, LOOK_BACK_M_PER_S)?;
         Ok(Ok(pushed))
     }
 
