@@ -193,7 +193,9 @@ impl World {
         let actors = staged.as_mut().map_or_else(Vec::new, |staged| add_actors(staged, &config.disturbances));
         let shown = staged.as_ref().unwrap_or(&model);
         let physics = config.engine.build(shown, &body, &start)?;
-        let floor = free_space(&model, &solids, base.height_m);
+        // Who can open doors is not kept in by them.
+        let open = semantics.with_doorways_open(&model);
+        let floor = free_space(&open, &Solids::new(&open)?, base.height_m);
         let parts = connect(shown, &semantics, &robot, physics, &config, (&actors, &floor))?;
         Ok(Self { scene: model, notes, semantics, floor, parts })
     }

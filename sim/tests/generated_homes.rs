@@ -3,8 +3,8 @@
 
 use dsm_robot::model::RobotModel;
 use dsm_sim::scene::{
-    BodyMotion, Furniture, GenerateError, GeneratedScene, HomeConfig, ImportError, JointMotion, RobotSize, SceneModel,
-    SceneShape, Semantics, check_scene, generate_home, import_ithor, scene_file,
+    BodyMotion, Doorways, Furniture, GenerateError, GeneratedScene, HomeConfig, ImportError, JointMotion, RobotSize,
+    SceneModel, SceneShape, Semantics, check_scene, generate_home, import_ithor, scene_file,
 };
 use dsm_sim::world::{World, WorldConfig};
 use std::collections::BTreeMap;
@@ -58,7 +58,8 @@ fn articulated_homes_are_the_same_homes_with_furniture_that_opens() {
     let (mut drawers, mut hidden) = (0, 0);
     for seed in 0..8 {
         let plain = home(seed);
-        let config = HomeConfig { seed, rooms: 5, objects: 90, furniture: Furniture::Articulated };
+        let furniture = Furniture::Articulated;
+        let config = HomeConfig { seed, rooms: 5, objects: 90, furniture, ..HomeConfig::default() };
         let scene = generate_home(&config).expect("there is room");
         assert_eq!(scene, generate_home(&config).expect("there is room"), "same bytes");
         let paths = [(&plain, "plain"), (&scene, "open")].map(|(scene, name)| {
@@ -99,6 +100,73 @@ fn articulated_homes_are_the_same_homes_with_furniture_that_opens() {
         assert!(semantics.objects.iter().all(|object| !object.body.contains("_drawer_")), "parts are not listed");
     }
     assert!(hidden >= drawers / 3 && hidden <= 2 * drawers, "{hidden} things in {drawers} drawers");
+}
+
+#[test]
+fn doors_hang_where_they_swing_free_and_change_nothing_else() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut doors = 0;
+    for seed in 0..6 {
+        let plain = home(seed);
+        let config = HomeConfig { seed, rooms: 5, objects: 90, doorways: Doorways::Doors, ..HomeConfig::default() };
+        let scene = generate_home(&config).expect("there is room");
+        assert_eq!(scene, generate_home(&config).expect("there is room"), "same bytes");
+        let paths = [(&plain, "plain"), (&scene, "doors")].map(|(scene, name)| {
+            let path = folder.path().join(format!("{name}_{seed}"));
+            write(scene, &path);
+            path
+        });
+        // What is not of a door is written as before.
+        let texts = paths.clone().map(|path| std::fs::read_to_string(path.join("scene.xml")).expect("written"));
+        let bodies = |text: &str| text[text.find("<worldbody>").expect("there")..].to_owned();
+        let before = bodies(&texts[0]);
+        assert!(
+            bodies(&texts[1])
+                .starts_with(before.trim_end_matches("</mujoco>\n").trim_end().trim_end_matches("</worldbody>"))
+        );
+        let [_, (model, semantics)] = [load(&paths[0]), load(&paths[1])];
+        let checked = check_scene(&paths[1], RobotSize::default()).expect("loads");
+        assert!(checked.findings.is_empty(), "seed {seed}: {:#?}", checked.findings);
+        let leaves = semantics.find_leaves(&model);
+        doors += leaves.len();
+        for leaf in leaves {
+            let (body, joint) = (&model.bodies[leaf], model.find_joint(leaf).expect("it hangs on hinges"));
+            let [board, bar, ..] = &body.geoms[..] else { panic!("{}: {} geoms", body.name, body.geoms.len()) };
+            let (SceneShape::Box { half_m: board_m }, SceneShape::Box { half_m: bar_m }) = (&board.shape, &bar.shape)
+            else {
+                panic!("{}: boxes", body.name)
+            };
+            assert!((0.76..=0.9).contains(&(2.0 * board_m.x)) && (2.0 * board_m.y - 0.04).abs() < 1e-6, "{board_m}");
+            assert!((0.012..=0.018).contains(&(2.0 * bar_m.min())), "{bar_m}");
+            let radius_m = bar.body_from_geom.translation.x.abs();
+            let force_n = (joint.friction + joint.damping * 0.2 / radius_m) / radius_m;
+            assert!((5.0..=20.0).contains(&force_n), "{}: {force_n} N at the handle", body.name);
+            assert!((10.0..=25.0).contains(&body.mass_kg), "{} weighs {} kg", body.name, body.mass_kg);
+            let [low, high] = joint.range.expect("it ends");
+            assert!((high - low - 1.5).abs() < 1e-6 && low.min(0.0) * high.max(0.0) == 0.0, "{low} to {high}");
+            sweeps_free(&model, leaf, low + high);
+        }
+    }
+    assert!(doors >= 12, "{doors} doors in six homes");
+}
+
+/// Holds that no other body stands in the quarter disc that a leaf sweeps, up to its end at `open_rad`.
+fn sweeps_free(model: &SceneModel, leaf: usize, open_rad: f64) {
+    let joint = model.find_joint(leaf).expect("it hangs on hinges");
+    let [board, ..] = &model.bodies[leaf].geoms[..] else { panic!("a board") };
+    let SceneShape::Box { half_m: board_m } = &board.shape else { panic!("a box") };
+    for step in 1..=10 {
+        let from_part = joint.carrier_from_part(open_rad * f64::from(step) / 10.0);
+        let world_from_board = model.bodies[joint.carrier].world_from_body * from_part * board.body_from_geom;
+        for other in model.bodies.iter().enumerate().filter(|(index, _)| *index > 0 && *index != leaf) {
+            for geom in other.1.geoms.iter().filter(|geom| geom.collides) {
+                let at = nalgebra::Point3::from((other.1.world_from_body * geom.body_from_geom).translation.vector);
+                let within = world_from_board.inverse_transform_point(&at).coords.abs();
+                let inside = (0..3).all(|k| within[k] < board_m[k]);
+                assert!(!inside, "{} stands in the way of {}", other.1.name, model.bodies[leaf].name);
+            }
+        }
+    }
 }
 
 #[test]

@@ -83,7 +83,7 @@ struct Done {
 impl Executor {
     /// An executor that has been nowhere.
     pub fn new(nav: NavConfig, grasping: GraspSettings, grounder: Arc<Grounder>, knowledge: Arc<Knowledge>) -> Self {
-        let explorer = Explorer::new(nav.clone());
+        let explorer = Explorer::new(nav.clone()).through_doors(grasping.clone());
         Self {
             nav,
             grasping,

@@ -18,7 +18,12 @@ pub fn root() -> PathBuf {
 
 /// An episode of the apartment, ready to run with a seed.
 pub fn apartment(episode: &str, seed: u64) -> Result<RunSpec> {
-    let file = root().join("scenes/apartment/episodes").join(format!("{episode}.toml"));
+    episode_of("apartment", episode, seed)
+}
+
+/// An episode of one of the scenes, ready to run with a seed.
+pub fn episode_of(scene: &str, episode: &str, seed: u64) -> Result<RunSpec> {
+    let file = root().join("scenes").join(scene).join("episodes").join(format!("{episode}.toml"));
     let world = WorldArgs { seed: Some(seed), ..WorldArgs::default() };
     let (spec, _) = prepare(&file, &world).with_context(|| file.display().to_string())?;
     Ok(spec)

@@ -173,7 +173,8 @@ impl MujocoPhysics {
             *control = setpoint.stiffness * setpoint.position + setpoint.damping * setpoint.velocity;
         }
         // What carries the robot comes beside the actuators here: they give only what is beyond it.
-        let bounds: Vec<f64> = setpoints.iter().map(|setpoint| setpoint.max_effort.min(setpoint.spare_effort)).collect();
+        let bounds: Vec<f64> =
+            setpoints.iter().map(|setpoint| setpoint.max_effort.min(setpoint.spare_effort)).collect();
         if bounds == self.bounds {
             return;
         }

@@ -187,7 +187,14 @@ impl Motors {
             }
         };
         let max_effort = max_effort.min(motor.max_effort).max(0.0);
-        Setpoint { position: motor.reference, velocity, stiffness, damping, max_effort, spare_effort: motor.spare_effort }
+        Setpoint {
+            position: motor.reference,
+            velocity,
+            stiffness,
+            damping,
+            max_effort,
+            spare_effort: motor.spare_effort,
+        }
     }
 
     /// Tells what a joint's motor did during a step.

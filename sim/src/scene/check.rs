@@ -156,7 +156,8 @@ pub fn check_scene(path: &Path, robot: RobotSize) -> Result<CheckedScene, WorldE
     let mut findings = find_overlaps(&scene, &solids);
     findings.extend(find_movers(&scene, &settled));
     findings.extend(find_unlisted(&scene, &semantics));
-    let unreachable = find_unreachable_rooms(&scene, &semantics, &solids, robot);
+    let open = semantics.with_doorways_open(&scene);
+    let unreachable = find_unreachable_rooms(&open, &semantics, &Solids::new(&open)?, robot);
     findings.extend(unreachable.into_iter().map(|room| Finding::Unreachable { room, radius_m: robot.radius_m }));
     if semantics.start.areas.is_empty() {
         findings.push(Finding::NoStartArea);

@@ -3,6 +3,7 @@
 mod bodies;
 mod check;
 mod defaults;
+mod doorways;
 mod error;
 mod generate;
 mod geom;
@@ -25,7 +26,9 @@ mod ties;
 
 pub use check::{CheckedScene, Finding, Located, RobotSize, check_scene, find_movers};
 pub use error::{Place, SceneError};
-pub use generate::{Furniture, GenerateError, GeneratedScene, HomeConfig, ImportError, generate_home, import_ithor};
+pub use generate::{
+    Doorways, Furniture, GenerateError, GeneratedScene, HomeConfig, ImportError, generate_home, import_ithor,
+};
 pub use joints::{JointMotion, SceneJoint};
 pub use load::scene_file;
 pub use model::{

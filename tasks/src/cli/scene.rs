@@ -7,8 +7,8 @@ use crate::error::TaskError;
 use dsm::store::write_atomically;
 use dsm_sim::replay::label_surfaces;
 use dsm_sim::scene::{
-    Furniture, GeneratedScene, HomeConfig, ImportError, Located, RobotSize, SceneNote, check_scene, generate_home,
-    import_ithor, summarise_notes,
+    Doorways, Furniture, GeneratedScene, HomeConfig, ImportError, Located, RobotSize, SceneNote, check_scene,
+    generate_home, import_ithor, summarise_notes,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -31,6 +31,10 @@ pub enum SceneCommand {
         /// else is as without.
         #[arg(long)]
         articulated: bool,
+        /// Closed doors with bar handles, on hinges, in the doorways of bedrooms, bathrooms and where one works. All else is as
+        /// without.
+        #[arg(long)]
+        doors: bool,
         #[command(flatten)]
         target: Target,
         #[command(flatten)]
@@ -121,9 +125,10 @@ struct WrittenReport {
 /// Runs a command on scenes.
 pub(super) fn run(command: SceneCommand) -> anyhow::Result<u8> {
     match command {
-        SceneCommand::Generate { seed, rooms, objects, articulated, target, result } => {
+        SceneCommand::Generate { seed, rooms, objects, articulated, doors, target, result } => {
             let furniture = if articulated { Furniture::Articulated } else { Furniture::Plain };
-            let made = generate_home(&HomeConfig { seed, rooms, objects, furniture });
+            let doorways = if doors { Doorways::Doors } else { Doorways::Open };
+            let made = generate_home(&HomeConfig { seed, rooms, objects, furniture, doorways });
             write(&made.map_err(|error| TaskError::Usage(error.to_string()))?, &target, result)
         }
         SceneCommand::Import { layout, seed, target, result } => write(&import(&layout, seed)?, &target, result),

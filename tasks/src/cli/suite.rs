@@ -17,7 +17,7 @@ use crate::settings::Settings;
 use crate::summary::Stage;
 use dsm::knowledge::Knowledge;
 use dsm::store::write_atomically;
-use dsm_sim::scene::{Furniture, HomeConfig, SceneModel, Semantics, generate_home};
+use dsm_sim::scene::{Doorways, Furniture, HomeConfig, SceneModel, Semantics, generate_home};
 use dsm_sim::world::WorldError;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -57,7 +57,10 @@ pub struct SuiteArgs {
     /// Furniture of the generated homes that opens as real furniture does: bar handles, weight, friction, things inside.
     #[arg(long, requires = "generate")]
     articulated: bool,
-    /// What the episodes are about, in turn; those that open things need `--articulated`.
+    /// Closed doors in the doorways of the generated homes, where a bedroom, bathroom, office or the like begins.
+    #[arg(long, requires = "generate")]
+    doors: bool,
+    /// What the episodes are about, in turn; those that open furniture need `--articulated`, `pass_door` needs `--doors`.
     #[arg(long, value_delimiter = ',', requires = "generate")]
     kinds: Vec<Kind>,
     /// Episodes that run side by side; never changes a result.
@@ -160,6 +163,7 @@ fn generate(count: u32, folder: &Path, args: &SuiteArgs) -> Result<Vec<RunSpec>,
     set_threads(settings.threads.value)?;
     let first = settings.seed.value;
     let furniture = if args.articulated { Furniture::Articulated } else { Furniture::Plain };
+    let doorways = if args.doors { Doorways::Doors } else { Doorways::Open };
     let kinds = if args.kinds.is_empty() { &KINDS[..] } else { &args.kinds };
     let mut files: Vec<PathBuf> = Vec::new();
     let mut home = 0;
@@ -167,7 +171,7 @@ fn generate(count: u32, folder: &Path, args: &SuiteArgs) -> Result<Vec<RunSpec>,
         let seed = first.checked_add(home).ok_or_else(|| TaskError::Usage("--seed is too large".into()))?;
         home += 1;
         let rooms = FEWEST_ROOMS + (seed % 3) as u32;
-        let config = HomeConfig { seed, rooms, objects: rooms * OBJECTS_PER_ROOM, furniture };
+        let config = HomeConfig { seed, rooms, objects: rooms * OBJECTS_PER_ROOM, furniture, doorways };
         let scene = generate_home(&config).map_err(|error| TaskError::Internal(error.to_string()))?;
         let home_folder = folder.join("homes").join(&scene.name);
         write_scene(&scene, &home_folder, true)?;

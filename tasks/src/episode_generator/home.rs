@@ -1,7 +1,7 @@
 //! What is true of a home, as far as words about it need it.
 
 use dsm::knowledge::Knowledge;
-use dsm_sim::scene::{BodyMotion, SceneBody, SceneModel, SceneShape, Semantics};
+use dsm_sim::scene::{BodyMotion, ObjectSemantics, SceneBody, SceneModel, SceneShape, Semantics};
 use nalgebra::{Point2, Point3, Vector3};
 
 /// A thing stands on what ends this close below it, metres.
@@ -24,6 +24,9 @@ const SURFACES: &[&str] = &[
     "bench",
     "tv stand",
 ];
+
+/// Doors between rooms are passed, not asked for.
+const DOOR: &str = "door";
 
 /// One object.
 #[derive(Clone, Debug)]
@@ -66,13 +69,11 @@ pub(super) struct Home {
 
 impl Home {
     pub(super) fn read(model: &SceneModel, semantics: &Semantics) -> Self {
-        let bodies: Vec<&SceneBody> = semantics
-            .objects
-            .iter()
-            .filter_map(|object| model.bodies.iter().find(|body| body.name == object.body))
-            .collect();
+        let listed: Vec<&ObjectSemantics> = semantics.objects.iter().filter(|o| o.category != DOOR).collect();
+        let bodies: Vec<&SceneBody> =
+            listed.iter().filter_map(|object| model.bodies.iter().find(|body| body.name == object.body)).collect();
         let mut objects: Vec<HomeObject> = Vec::with_capacity(bodies.len());
-        for (object, body) in semantics.objects.iter().zip(&bodies) {
+        for (object, body) in listed.into_iter().zip(&bodies) {
             let at = Point3::from(body.world_from_body.translation.vector);
             let free = body.motion == BodyMotion::Free;
             let printed = matches!(object.pattern.as_deref(), Some("striped" | "checkered" | "dotted"));

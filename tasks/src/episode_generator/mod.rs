@@ -6,6 +6,7 @@
 mod disturb;
 mod home;
 mod open;
+mod pass;
 mod reach;
 mod sequence;
 mod words;
@@ -17,6 +18,7 @@ use dsm_sim::disturb::DisturbanceKind;
 use dsm_sim::scene::{SceneModel, Semantics};
 use home::{Home, HomeObject};
 use open::{find_closing, find_fetching, find_opening, find_parts};
+use pass::{Passages, find_passing};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -61,6 +63,8 @@ pub enum Kind {
     CloseDoor,
     /// Take a thing out of a closed drawer; in such homes only.
     FetchInside,
+    /// Go to or lift what is in a room behind a closed door; only in homes with doors.
+    PassDoor,
 }
 
 /// Homes take turns in which disturbances they get; so many homes differ.
@@ -93,8 +97,9 @@ pub fn write_episodes(
     // What can be asked for is the furniture with its doors closed.
     let held = &model.with_joints_held();
     let mut home = Home::read(held, semantics);
-    let stands = Stands::find(held, semantics);
+    let stands = Stands::find(&semantics.with_doorways_open(model).with_joints_held(), semantics);
     stands.drop_out_of_reach(&mut home);
+    let passages = if kinds.contains(&Kind::PassDoor) { Passages::find(model, semantics) } else { Passages::default() };
     let parts = find_parts(&home, model);
     // What lies behind a closed front is asked for as such alone.
     for thing in parts.iter().flat_map(|part| &part.contents) {
@@ -127,6 +132,7 @@ pub fn write_episodes(
             Kind::CloseDrawer => find_closing(true, &home, &parts, &stands, knowledge, &mut used, &mut rng),
             Kind::CloseDoor => find_closing(false, &home, &parts, &stands, knowledge, &mut used, &mut rng),
             Kind::FetchInside => find_fetching(&home, &parts, &stands, knowledge, &mut used, &mut rng),
+            Kind::PassDoor => find_passing(&passages, &home, knowledge, &mut used, &mut rng),
             kind => find_task(*kind, disturbance, &home, knowledge, &mut used, &mut rng),
         };
         let Some(mut task) = task else { continue };
@@ -158,8 +164,8 @@ struct Task {
     body: Option<String>,
     /// What disturbs it, as its file has it.
     disturbance: String,
-    /// What stands open at the start, as its file has it.
-    open: String,
+    /// What is so at the start, as its file has it: what stands open, where the robot stands.
+    start: String,
     kind: &'static str,
     why: String,
     command: String,
@@ -176,7 +182,7 @@ impl Task {
             text,
             "scene = \"../scene.xml\"\nrobot = \"porter\"\nseed = {seed}\ntime_limit_s = {}\n\n{explore}[[step]]\ncommand = \"{}\"\n\n\
              [[expect]]\n{}\n{}{}",
-            self.time_limit_s, self.command, self.expect, self.open, self.disturbance
+            self.time_limit_s, self.command, self.expect, self.start, self.disturbance
         );
         text
     }
@@ -191,7 +197,12 @@ fn find_task(
     rng: &mut ChaCha8Rng,
 ) -> Option<Task> {
     match kind {
-        Kind::OpenDrawer | Kind::OpenDoor | Kind::CloseDrawer | Kind::CloseDoor | Kind::FetchInside => None,
+        Kind::OpenDrawer
+        | Kind::OpenDoor
+        | Kind::CloseDrawer
+        | Kind::CloseDoor
+        | Kind::FetchInside
+        | Kind::PassDoor => None,
         Kind::Room => {
             let rooms: Vec<&String> = home.rooms.iter().filter(|room| !used.contains(room)).collect();
             let room = (*rooms.get(rng.random_range(0..rooms.len().max(1)))?).clone();
@@ -199,7 +210,7 @@ fn find_task(
             Some(Task {
                 body: None,
                 disturbance: String::new(),
-                open: String::new(),
+                start: String::new(),
                 kind: "room",
                 why: "Only what stands in a room tells which it is.".into(),
                 command: format!("Go to the {room}"),
@@ -215,7 +226,7 @@ fn find_task(
             Some(Task {
                 body: Some(body.clone()),
                 disturbance: String::new(),
-                open: String::new(),
+                start: String::new(),
                 kind: "navigate",
                 why: others,
                 command: format!("{verb} the {name}"),
@@ -232,7 +243,7 @@ fn find_task(
             Some(Task {
                 body: Some(body.clone()),
                 disturbance: String::new(),
-                open: String::new(),
+                start: String::new(),
                 kind: "grasp",
                 why: others,
                 command: format!("{verb} the {name}"),
@@ -252,7 +263,7 @@ fn find_task(
             Some(Task {
                 body: Some(body.clone()),
                 disturbance: String::new(),
-                open: String::new(),
+                start: String::new(),
                 kind: "place",
                 why: others,
                 command,

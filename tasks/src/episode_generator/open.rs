@@ -178,7 +178,7 @@ pub(super) fn find_opening(
         Some(Task {
             body: None,
             disturbance: String::new(),
-            open: String::new(),
+            start: String::new(),
             kind: if slides { "open_drawer" } else { "open_door" },
             why: format!("It is {}.", part.body),
             command: format!("{verb} the {place}{noun} of the {name}"),
@@ -220,7 +220,7 @@ pub(super) fn find_closing(
         Some(Task {
             body: None,
             disturbance: String::new(),
-            open: format!("\n[[open]]\npart = \"{}\"\nshare = {share:.2}\n", part.body),
+            start: format!("\n[[open]]\npart = \"{}\"\nshare = {share:.2}\n", part.body),
             kind: if slides { "close_drawer" } else { "close_door" },
             why: format!("It is {}.", part.body),
             command: format!("{verb} the {place}{noun} of the {name}"),
@@ -273,7 +273,7 @@ pub(super) fn find_fetching(
         Some(Task {
             body: None,
             disturbance: String::new(),
-            open: String::new(),
+            start: String::new(),
             kind: "fetch_inside",
             why: format!("It lies in {}.", part.body),
             command: format!("{verb} the {noun} out of the {place}drawer of the {name}"),

@@ -7,13 +7,19 @@ use dsm_sim::world::floor_of;
 use nalgebra::Point2;
 
 /// Radius of the footprint and height of the robot that the episodes name, metres.
-const ROBOT_M: (f64, f64) = (0.27, 1.3);
+pub(super) const ROBOT_M: (f64, f64) = (0.27, 1.3);
 /// Its arm reaches so far from the middle of the base at the heights of beds and tables, metres.
 const ARM_M: f64 = 0.9;
 /// To be at a thing is to stand within a metre of its outline; less what a robot stops short of, metres.
 const AT_M: f64 = 0.9;
 /// What is put on a surface is put at least so far from its edge, metres.
 const INSIDE_M: f64 = 0.1;
+
+/// What it costs a robot (its radius and height, metres) to stand on the floor of a scene; `None` when that cannot be told.
+pub(super) fn costmap_of(model: &SceneModel, (footprint_radius_m, height_m): (f64, f64)) -> Option<Costmap> {
+    let floor = floor_of(model, height_m).ok()?;
+    Some(Costmap::from_free_space(&floor, &CostmapConfig { footprint_radius_m, ..CostmapConfig::default() }))
+}
 
 /// Where the base can stand, with the room of each place. Without a start that says which, all free floor counts.
 pub(super) struct Stands {
@@ -24,9 +30,7 @@ pub(super) struct Stands {
 impl Stands {
     /// The places of a home; none when its floor cannot be told.
     pub(super) fn find(model: &SceneModel, semantics: &Semantics) -> Self {
-        let Ok(floor) = floor_of(model, ROBOT_M.1) else { return Self { places: Vec::new(), cell_m: 0.0 } };
-        let config = CostmapConfig { footprint_radius_m: ROBOT_M.0, ..CostmapConfig::default() };
-        let costmap = Costmap::from_free_space(&floor, &config);
+        let Some(costmap) = costmap_of(model, ROBOT_M) else { return Self { places: Vec::new(), cell_m: 0.0 } };
         let grid = costmap.grid();
         let fields: Vec<Field> = semantics
             .start
@@ -42,7 +46,7 @@ impl Stands {
             .map(|cell| grid.center_of(cell))
             .map(|place| (place, semantics.find_room(place).map(|room| room.name.clone())))
             .collect();
-        Self { places, cell_m: floor.resolution_m }
+        Self { places, cell_m: grid.resolution_m }
     }
 
     /// Whether the base can stand at a place in a room; in any when none is given.

@@ -24,9 +24,8 @@ pub fn write_sequences(
     count: usize,
 ) -> Vec<GeneratedEpisode> {
     // What can be asked for is the furniture with its doors closed.
-    let model = &model.with_joints_held();
-    let mut home = Home::read(model, semantics);
-    Stands::find(model, semantics).drop_out_of_reach(&mut home);
+    let mut home = Home::read(&model.with_joints_held(), semantics);
+    Stands::find(&semantics.with_doorways_open(model).with_joints_held(), semantics).drop_out_of_reach(&mut home);
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7365_7175_656e_6365);
     let mut used = Vec::new();
     let mut episodes = Vec::new();
@@ -55,7 +54,7 @@ fn taken_and_put(placed: &Task) -> Option<[Task; 2]> {
     let part = |command: String, expect: String| Task {
         body: placed.body.clone(),
         disturbance: String::new(),
-        open: String::new(),
+        start: String::new(),
         kind: "sequence",
         why: placed.why.clone(),
         command,

@@ -2,7 +2,7 @@
 use super::*;
 use crate::episode::{Episode, ExpectationKind, SkillName};
 use dsm::ground::{Action, PartKind, parse_command, split_sequence};
-use dsm_sim::scene::{Furniture, HomeConfig, generate_home};
+use dsm_sim::scene::{Doorways, Furniture, HomeConfig, generate_home};
 use std::path::Path;
 
 fn load_home(seed: u64) -> (tempfile::TempDir, SceneModel, Semantics) {
@@ -10,8 +10,12 @@ fn load_home(seed: u64) -> (tempfile::TempDir, SceneModel, Semantics) {
 }
 
 fn load_home_with(seed: u64, furniture: Furniture) -> (tempfile::TempDir, SceneModel, Semantics) {
+    load_made(&HomeConfig { seed, rooms: 5, objects: 90, furniture, ..HomeConfig::default() })
+}
+
+fn load_made(config: &HomeConfig) -> (tempfile::TempDir, SceneModel, Semantics) {
     let folder = tempfile::tempdir().unwrap();
-    let scene = generate_home(&HomeConfig { seed, rooms: 5, objects: 90, furniture }).unwrap();
+    let scene = generate_home(config).unwrap();
     for (name, bytes) in &scene.files {
         let path = folder.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -249,4 +253,37 @@ fn what_is_to_be_closed_stands_open_at_the_start() {
     for kind in [PartKind::Drawer, PartKind::Door] {
         assert!(kinds.iter().filter(|k| **k == Some(kind)).count() >= 2, "{kinds:?}");
     }
+}
+
+#[test]
+fn what_is_asked_for_behind_a_door_is_out_of_reach_until_that_door_opens() {
+    let knowledge = Knowledge::embedded().unwrap();
+    let mut count = 0;
+    for seed in 20..23 {
+        let doorways = Doorways::Doors;
+        let (folder, model, semantics) =
+            load_made(&HomeConfig { seed, rooms: 5, objects: 90, doorways, ..HomeConfig::default() });
+        let home = Home::read(&model.with_joints_held(), &semantics);
+        assert!(home.objects.iter().all(|object| object.category != "door"), "doors are not asked for");
+        for generated in write_episodes(&model, &semantics, &knowledge, seed, 4, (&[Kind::PassDoor], None)) {
+            let path = folder.path().join(format!("{}.toml", generated.name));
+            std::fs::write(&path, &generated.text).unwrap();
+            let episode = Episode::load(&path).unwrap_or_else(|error| panic!("{error}\n{}", generated.text));
+            let command = episode.steps[0].command.clone().unwrap();
+            parse_command(&command, &knowledge).unwrap_or_else(|error| panic!("{command}: {error}"));
+            let [target, door] = &episode.expectations[..] else { panic!("{}", generated.text) };
+            assert_eq!(door.kind, ExpectationKind::JointOpen);
+            let leaf = model.bodies.iter().position(|body| Some(&body.name) == door.part.as_ref()).unwrap();
+            let start = episode.start.unwrap();
+            let start = nalgebra::Point2::new(start.x_m, start.y_m);
+            let room = home.objects.iter().find(|o| Some(&o.body) == target.object.as_ref()).unwrap().room.clone();
+            let leads = |open: &[usize]| {
+                let costmap = reach::costmap_of(&model.without_solids_of(open), reach::ROBOT_M).unwrap();
+                pass::find_rooms(&costmap, &start, &semantics).contains_key(room.as_ref().unwrap())
+            };
+            assert!(!leads(&[]) && leads(&[leaf]), "{}", generated.text);
+            count += 1;
+        }
+    }
+    assert!(count >= 6, "{count} episodes in three homes");
 }

@@ -339,7 +339,7 @@ fn plan_push(ground: &Ground<'_>, ajar: &Ajar, side: &Side) -> Result<(Reach, Ap
 }
 
 /// Hands that look straight ahead, level (+z of the tool), turned about that by quarters.
-fn hands_ahead() -> [UnitQuaternion<f64>; 4] {
+pub(super) fn hands_ahead() -> [UnitQuaternion<f64>; 4] {
     let ahead = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
     [0.0, 1.0, 2.0, 3.0].map(|quarters| {
         ahead * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), quarters * std::f64::consts::FRAC_PI_2)

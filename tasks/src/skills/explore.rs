@@ -1,6 +1,10 @@
 //! Exploration: look around, drive to the best frontier, look around there, until nothing worth seeing is left.
 
+use super::Outcome;
+use super::doors::{ClosedDoor, find_closed_doors};
 use super::drive::{Drive, DriveOutcome};
+use super::grasp::GraspSettings;
+use super::pass::open_door;
 use crate::agent::{Agent, Gaze, Halt};
 use dsm::Pose;
 use dsm::map::{CellState, FreeSpace, Map, ObjectId};
@@ -48,6 +52,10 @@ pub struct Explorer {
     reprieved: bool,
     /// Beyond gaps that were looked at, world frame, metres.
     gaps: Vec<Point2<f64>>,
+    /// How the hand opens doors; `None` when they are left as they are.
+    hand: Option<GraspSettings>,
+    /// Where doors are that were opened or given up, world frame, metres.
+    doors: Vec<Point2<f64>>,
     complete: bool,
 }
 
@@ -64,6 +72,7 @@ enum Next {
     Frontier(dsm_robot::nav::Frontier),
     Viewpoint(dsm_robot::nav::Viewpoint),
     Gap(dsm_robot::nav::Gap),
+    Door(Box<ClosedDoor>),
     Nothing,
 }
 
@@ -80,8 +89,15 @@ impl Explorer {
             inspected: BTreeSet::new(),
             reprieved: false,
             gaps: Vec::new(),
+            hand: None,
+            doors: Vec::new(),
             complete: false,
         }
+    }
+
+    /// The same, but it opens closed doors with its hand when nothing else is left to see.
+    pub fn through_doors(self, hand: GraspSettings) -> Self {
+        Self { hand: Some(hand), ..self }
     }
 
     /// Whether nothing was left to see at some time.
@@ -170,11 +186,12 @@ impl Explorer {
                         if drive.run(agent)? == DriveOutcome::Enough {
                             return Ok(ExploreOutcome::Enough);
                         }
-                        look_towards(agent, &gap.beyond)?;
+                        look_through(agent, &gap.beyond)?;
                     }
                     // What cuts it off may lie beside the base, as behind the post of a door.
                     look_around(agent, 2.6)?;
                 }
+                Next::Door(door) => self.pass(agent, &door)?,
                 // A way that was blocked by what went away, or by a pose that wandered, may be open now.
                 Next::Nothing if !self.reprieved && self.frontiers.reprieve(&self.nav.frontier) => {
                     agent.note("tries once more what was given up");
@@ -186,6 +203,27 @@ impl Explorer {
                 }
             }
         }
+    }
+
+    /// Opens a closed door; what lies behind it is to be seen then.
+    fn pass(&mut self, agent: &mut Agent, door: &ClosedDoor) -> Result<(), Halt> {
+        let Some(hand) = self.hand.clone() else { return Ok(()) };
+        let (x, y) = (door.middle.x, door.middle.y);
+        agent.note(format!("nothing else is left to see: a closed door at ({x:.1}, {y:.1})"));
+        self.doors.push(door.middle);
+        match open_door(agent, &self.nav, &hand, door)? {
+            Outcome::Done(how) => {
+                agent.note(format!("the door is {how}"));
+                // Frontiers that it closed were given up.
+                self.frontiers = FrontierMemory::default();
+                self.gaps.clear();
+                self.reprieved = false;
+                look_through(agent, &door.middle)?;
+                look_around(agent, 1.2)?;
+            }
+            Outcome::Failed(stage, reason) => agent.note(format!("the door stays closed ({stage:?}): {reason}")),
+        }
+        Ok(())
     }
 
     /// Looks at objects from near once more, each from a side from which it was not seen from near: a detector that misses
@@ -247,6 +285,8 @@ impl Explorer {
         let wanted: Vec<ObjectId> = wanted.into_iter().filter(|id| !self.inspected.contains(id)).collect();
         let start = Pose2::from_pose(&agent.world_from_base()?).position;
         let (nav, memory, gaps) = (self.nav.clone(), self.frontiers.clone(), self.gaps.clone());
+        // A hand that holds something opens nothing.
+        let tried_doors = self.hand.as_ref().filter(|_| agent.held().is_none()).map(|_| self.doors.clone());
         let mut coverage = std::mem::take(&mut self.coverage);
         let (next, coverage) = agent.plan(move || {
             let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
@@ -266,7 +306,12 @@ impl Explorer {
             let next = frontier.map(Next::Frontier).unwrap_or_else(|| {
                 let views = coverage.find_viewpoints(&map, &costmap, &field, &nav.coverage);
                 let view = views.into_iter().next().map(Next::Viewpoint);
-                view.or_else(|| find_gap(&costmap, &field, &gaps).map(Next::Gap)).unwrap_or(Next::Nothing)
+                let gap = || find_gap(&costmap, &field, &gaps).map(Next::Gap);
+                let door = || {
+                    let doors = find_closed_doors(&map, &costmap, &field, tried_doors.as_deref()?);
+                    doors.into_iter().next().map(|door| Next::Door(Box::new(door)))
+                };
+                view.or_else(gap).or_else(door).unwrap_or(Next::Nothing)
             });
             (next, coverage)
         })?;
@@ -317,6 +362,19 @@ fn look_towards(agent: &mut Agent, place: &Point2<f64>) -> Result<(), Halt> {
     }
     pan_to(agent, pan_rad - SIDE_RAD, ROOM_TILT_RAD)?;
     pan_to(agent, pan_rad + SIDE_RAD, ROOM_TILT_RAD)
+}
+
+/// Looks through a passage to both sides, then level: what stood in it up to its full height is gone only once every height
+/// was looked through, and a view into the room passes below the upper half.
+fn look_through(agent: &mut Agent, place: &Point2<f64>) -> Result<(), Halt> {
+    const HEIGHTS_M: [f64; 2] = [1.35, 1.0];
+    const LOOK_S: f64 = 1.5;
+    look_towards(agent, place)?;
+    for height_m in HEIGHTS_M {
+        agent.gaze = Gaze::Point(Point3::new(place.x, place.y, height_m));
+        agent.rest(Span::from_s(LOOK_S))?;
+    }
+    Ok(())
 }
 
 /// Pans the head to one side into the room, and back over the other side looking at the floor around the base. What lies

@@ -67,7 +67,7 @@ pub fn open(
     };
     let mut last = (Stage::Planning, "no attempt was made".to_owned());
     for attempt in 0..MAX_ATTEMPTS {
-        let task = Task { nav, settings, id, bounds, part };
+        let task = Task { nav, settings, id, bounds, part, wanted_rad: SWING_RAD };
         match task.attempt(agent)? {
             Ok((reason, drawer)) => return Ok((Outcome::Done(reason), drawer)),
             Err((stage, reason)) => {
@@ -85,6 +85,25 @@ pub fn open(
     Ok((Outcome::Failed(last.0, last.1), None))
 }
 
+/// Opens once, by a handle that was seen (world frame), a door by `wanted_rad`; how far it came, in words.
+pub(super) fn open_by(
+    agent: &mut Agent,
+    nav: &NavConfig,
+    settings: &GraspSettings,
+    (id, bounds): (ObjectId, &OrientedBox),
+    (target, side): (&Grabbed, &Side),
+    wanted_rad: f64,
+) -> Result<Tried<String>, Halt> {
+    let task = Task { nav, settings, id, bounds: *bounds, part: Part::default(), wanted_rad };
+    let opened = task.open_seen(agent, target, side)?.map(|(how, _)| how);
+    if opened.is_err() {
+        // The hand may be before what it must not lift.
+        creep(agent, -BACK_OUT_M, 0.1)?;
+        retreat(agent)?;
+    }
+    Ok(opened)
+}
+
 /// What is to be opened.
 struct Task<'a> {
     nav: &'a NavConfig,
@@ -92,18 +111,29 @@ struct Task<'a> {
     id: ObjectId,
     bounds: OrientedBox,
     part: Part,
+    /// How far a door is swung, radians.
+    wanted_rad: f64,
 }
 
 impl Task<'_> {
     fn attempt(&self, agent: &mut Agent) -> Result<Tried<(String, Option<OpenDrawer>)>, Halt> {
-        let (target, side) = match self.find_handle(agent)? {
-            Ok(found) => found,
-            Err(failure) => return Ok(Err(failure)),
-        };
+        match self.find_handle(agent)? {
+            Ok((target, side)) => self.open_seen(agent, &target, &side),
+            Err(failure) => Ok(Err(failure)),
+        }
+    }
+
+    /// Holds the handle that was seen and opens what it belongs to.
+    fn open_seen(
+        &self,
+        agent: &mut Agent,
+        target: &Grabbed,
+        side: &Side,
+    ) -> Result<Tried<(String, Option<OpenDrawer>)>, Halt> {
         let (handle, kind) = (&target.handle, if target.hinge.is_some() { "door" } else { "drawer" });
         let (long_mm, at_m) = (1e3 * handle.length_m, handle.center.z);
         agent.note(format!("the handle of a {kind}, {long_mm:.0} mm long at {at_m:.2} m height"));
-        let reach = match self.come_before(agent, &target)? {
+        let reach = match self.come_before(agent, target)? {
             Ok(reach) => reach,
             Err(failure) => return Ok(Err(failure)),
         };
@@ -114,7 +144,7 @@ impl Task<'_> {
         if let Err(failure) = self.hold(agent, &held, &reach)? {
             return Ok(Err(failure));
         }
-        let (pulled, open) = self.move_part(agent, &target, &held, &side)?;
+        let (pulled, open) = self.move_part(agent, target, &held, side)?;
         agent.note(format!("{open}: {pulled:?}"));
         self.let_go(agent)?;
         if pulled.way_m() < LEAST_WAY_M {
@@ -146,7 +176,7 @@ impl Task<'_> {
         let right = nalgebra::Vector3::z().cross(&held.normal).xy();
         let along = right * right.dot(&off.xy()).signum();
         let hinge = Hinge { at: held.center.xy() + off.xy(), along, sense };
-        let (pulled, angle_rad) = swing(agent, &hinge, SWING_RAD, &fingers)?;
+        let (pulled, angle_rad) = swing(agent, &hinge, self.wanted_rad, &fingers)?;
         Ok((pulled, format!("opened by {:.0} degrees", angle_rad.to_degrees())))
     }
 
@@ -218,7 +248,7 @@ impl Task<'_> {
         let (map, nav, model) = (agent.map().clone(), self.nav.clone(), agent.model().clone());
         let start = Pose2::from_pose(&agent.world_from_base()?).position;
         let configuration = agent.configuration()?;
-        let (handle, target) = (target.handle, *target);
+        let (handle, target, wanted_rad) = (target.handle, *target, self.wanted_rad);
         let planned = agent.plan(move || {
             let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
             let field = Field::from_start(&costmap, &start);
@@ -230,7 +260,7 @@ impl Task<'_> {
                 folded: &configuration,
                 held: None,
             };
-            plan_reach(&ground, &target, SWING_RAD)
+            plan_reach(&ground, &target, wanted_rad)
         })?;
         let (reach, approach) = match planned {
             Ok(planned) => planned,

@@ -12,19 +12,19 @@ use rand::RngExt;
 /// Stream of these draws among all of a home.
 const STREAM: u64 = 0x6472_6177_6572;
 /// Length and thickness of a bar handle and the gap behind it for fingers, metres: what furniture shops sell.
-const BAR_LENGTH_M: (f64, f64) = (0.10, 0.16);
-const BAR_THICK_M: (f64, f64) = (0.012, 0.018);
+pub(super) const BAR_LENGTH_M: (f64, f64) = (0.10, 0.16);
+pub(super) const BAR_THICK_M: (f64, f64) = (0.012, 0.018);
 const BAR_GAP_M: (f64, f64) = (0.03, 0.04);
 /// Half side of the posts of a handle, metres.
-const POST_M: f64 = 0.005;
+pub(super) const POST_M: f64 = 0.005;
 /// Force that moves a drawer on its runners, newtons.
 const DRAWER_N: (f64, f64) = (5.0, 20.0);
 /// Force at the handle that moves a door on its hinges, newtons.
 const DOOR_N: (f64, f64) = (5.0, 15.0);
 /// Share of that force that grows with speed, at the speed below; the rest is dry friction.
-const VISCOUS_SHARE: f64 = 0.1;
+pub(super) const VISCOUS_SHARE: f64 = 0.1;
 /// A drawer comes out, and a handle swings, at about this speed, metres per second.
-const USUAL_M_PER_S: f64 = 0.2;
+pub(super) const USUAL_M_PER_S: f64 = 0.2;
 /// A drawer comes out by this share of its depth.
 const EXTENSION: f64 = 0.75;
 /// Particle board, kg/m^3; fronts of sheet metal and hollow handles weigh about as much.
@@ -38,7 +38,7 @@ const ROOM_M: f64 = 0.03;
 /// Draws for one thing before it is left out.
 const TRIES: usize = 12;
 
-fn between(rng: &mut Draws, (low, high): (f64, f64)) -> f64 {
+pub(super) fn between(rng: &mut Draws, (low, high): (f64, f64)) -> f64 {
     rng.random_range(low..=high)
 }
 
@@ -93,12 +93,11 @@ fn give_handle(part: &mut Part, rng: &mut Draws) {
         }
     };
     let speed = USUAL_M_PER_S / arm_m;
-    part.feel = Some(Feel { friction: (1.0 - VISCOUS_SHARE) * effort, damping: VISCOUS_SHARE * effort / speed });
-}
-
-/// Mass of a geom of a part that can be felt, kilograms.
-pub(super) fn mass_kg(shape: Shape) -> f64 {
-    shape.volume_m3() * BOARD_KG_PER_M3
+    part.feel = Some(Feel {
+        friction: (1.0 - VISCOUS_SHARE) * effort,
+        damping: VISCOUS_SHARE * effort / speed,
+        kg_per_m3: BOARD_KG_PER_M3,
+    });
 }
 
 /// Lays things into a drawer.

@@ -92,6 +92,8 @@ pub(super) struct Feel {
     pub friction: f64,
     /// Damping, newtons or newton metres for each unit of speed.
     pub damping: f64,
+    /// What its solids weigh, kg/m^3.
+    pub kg_per_m3: f64,
 }
 
 /// How a part moves; travel begins closed.

@@ -103,6 +103,11 @@ pub(super) fn find_starts(plan: &Plan, placed: &[Placed]) -> Vec<([f64; 2], f64)
 }
 
 impl Placed {
+    /// Height of its upper end, metres.
+    pub(super) fn top_m(&self) -> f64 {
+        self.base_m + self.height_m()
+    }
+
     fn stands(&self) -> bool {
         matches!(&self.item, Item::Piece(piece) if piece.height_m > 0.05)
     }

@@ -3,6 +3,7 @@
 use super::articulate::articulate;
 use super::catalog::find_category;
 use super::clutter::lay_things;
+use super::doors::hang_doors;
 use super::draft::{Body, Draft, Meaning, Moves, RoomOutline};
 use super::furnish::{Item, Placed, find_starts, furnish};
 use super::plan::{Plan, plan_home};
@@ -29,6 +30,16 @@ pub enum Furniture {
     Articulated,
 }
 
+/// What is in the doorways of a home.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Doorways {
+    /// Nothing. The default.
+    #[default]
+    Open,
+    /// Doors where a bedroom, bathroom, office or the like begins, closed. All else is the same.
+    Doors,
+}
+
 /// What to generate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HomeConfig {
@@ -40,6 +51,8 @@ pub struct HomeConfig {
     pub objects: u32,
     /// How doors and drawers are made.
     pub furniture: Furniture,
+    /// What is in its doorways.
+    pub doorways: Doorways,
 }
 
 /// Makes a home.
@@ -66,6 +79,10 @@ pub fn generate_home(config: &HomeConfig) -> Result<GeneratedScene, GenerateErro
         most = most.max(placed.len());
         if placed.len() >= wanted {
             let shell = plan.build_shell(&mut rng);
+            let doors = match config.doorways {
+                Doorways::Open => Vec::new(),
+                Doorways::Doors => hang_doors(&plan, &placed, config.seed),
+            };
             let mut draft = draft(config, &plan, shell, placed);
             if config.furniture == Furniture::Articulated {
                 let mut kinds: Vec<_> = plan.rooms.iter().flat_map(|room| room.kind.usual_things()).copied().collect();
@@ -73,6 +90,7 @@ pub fn generate_home(config: &HomeConfig) -> Result<GeneratedScene, GenerateErro
                 kinds.dedup();
                 articulate(&mut draft, config.seed, &kinds);
             }
+            draft.bodies.extend(doors);
             return Ok(write_scene(&draft));
         }
     }
@@ -92,11 +110,12 @@ fn draft(config: &HomeConfig, plan: &Plan, shell: Vec<(String, super::draft::Geo
     Draft {
         name: format!("home_{}", config.seed),
         origin: format!(
-            "Generated: dsm scene generate --seed {} --rooms {} --objects {}{}",
+            "Generated: dsm scene generate --seed {} --rooms {} --objects {}{}{}",
             config.seed,
             config.rooms,
             config.objects,
-            if config.furniture == Furniture::Articulated { " --articulated" } else { "" }
+            if config.furniture == Furniture::Articulated { " --articulated" } else { "" },
+            if config.doorways == Doorways::Doors { " --doors" } else { "" }
         ),
         shell,
         bodies,

@@ -6,6 +6,7 @@
 mod articulate;
 mod catalog;
 mod clutter;
+mod doors;
 mod draft;
 mod finish;
 mod furnish;
@@ -21,7 +22,7 @@ mod things;
 mod walkable;
 mod write;
 
-pub use home::{Furniture, HomeConfig, generate_home};
+pub use home::{Doorways, Furniture, HomeConfig, generate_home};
 pub use ithor::{ImportError, import_ithor};
 
 use rand::{RngExt, SeedableRng};

@@ -11,7 +11,7 @@ pub(super) const HALF_WALL_M: f64 = 0.05;
 /// Height of the walls, metres.
 pub(super) const WALL_HEIGHT_M: f64 = 2.4;
 /// Height of a doorway, metres.
-const DOOR_HEIGHT_M: f64 = 2.05;
+pub(super) const DOOR_HEIGHT_M: f64 = 2.05;
 /// Thickness of the floor, metres.
 const FLOOR_HALF_M: f64 = 0.05;
 /// A doorway keeps this far from the ends of the wall that two rooms share, metres.

@@ -165,6 +165,11 @@ impl RoomKind {
         }
     }
 
+    /// Whether people close the door behind them there.
+    pub(super) fn is_private(self) -> bool {
+        matches!(self, Self::Bedroom | Self::Bathroom | Self::Office | Self::Playroom | Self::Laundry)
+    }
+
     /// What may stand in it, the most important first.
     pub(super) fn wishes(self) -> &'static [Wish] {
         match self {

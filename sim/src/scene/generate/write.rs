@@ -1,7 +1,6 @@
 //! A draft as files: MJCF, semantics and textures.
 
 use super::GeneratedScene;
-use super::articulate::mass_kg;
 use super::draft::{Body, Draft, Geom, Joint, Part, Rect, Shape};
 use super::finish::{Finish, Material, Pattern};
 use super::texture::{draw_texture, repeats};
@@ -175,8 +174,8 @@ fn write_part(xml: &mut String, body: &Body, part: &Part) {
     let _ = writeln!(xml, "        <joint name=\"{name}\" type=\"{kind}\" axis=\"{axis}\" range=\"{range}\" {feel}/>");
     for geom in &part.geoms.0 {
         let _ = write!(xml, "        <geom{}", geom_text(geom));
-        if part.feel.is_some() {
-            let (mass, friction) = (mass_kg(geom.shape), number(geom.finish.material.friction()));
+        if let Some(feel) = part.feel {
+            let (mass, friction) = (geom.shape.volume_m3() * feel.kg_per_m3, number(geom.finish.material.friction()));
             let _ = write!(xml, " mass=\"{mass:.5}\" friction=\"{friction} 0.005 0.0001\" condim=\"4\"");
         }
         xml.push_str("/>\n");
