@@ -262,8 +262,11 @@ fn mark_crossed(
     if length <= RAY_MARGIN_M || flat < 1e-6 {
         return;
     }
-    // A ray that ends on a table top grazes all of it before: it says nothing of the height at which it ends.
-    let grazed = band_of(config, point.z).filter(|_| is_hit);
+    // A ray that ends on a table top grazes all of it before: it says nothing of the height at which it ends. A level one is
+    // at that height all the way, and meets a wall: what stood in its way at the camera's height is gone.
+    let level = band_of(config, eye.z);
+    let is_level = |end: &usize| level.is_some_and(|level| level.abs_diff(*end) <= 1);
+    let grazed = band_of(config, point.z).filter(|end| is_hit && !is_level(end));
     let bands_per_m = BANDS as f64 / (config.headroom_m - config.obstacle_height_m);
     let low = looks.cells.range().0.map(f64::from);
     let scale = Vector3::new(per_m, per_m, bands_per_m);
@@ -279,5 +282,48 @@ fn mark_crossed(
             looks.touch(row * columns + column).crossed |= 1 << band;
         }
         place += step;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    //! Contract: what stood before a camera that looks level, and is gone, leaves no cell closed, at any height.
+    use super::*;
+    use crate::camera::CameraModel;
+    use crate::frame::FrameId;
+    use crate::map::{Map, MapUpdate};
+    use crate::time::Stamp;
+    use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+
+    #[test]
+    fn a_level_camera_sees_that_a_board_is_gone() {
+        let (width, height) = (320, 240);
+        // Level, along x: a board, or the wall behind it.
+        let axes = Matrix3::from_columns(&[-Vector3::y(), -Vector3::z(), Vector3::x()]);
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+        let frame = |depth_m: f32| RgbdFrame {
+            id: FrameId(0),
+            stamp: Stamp::default(),
+            camera: "head".into(),
+            model: CameraModel::from_vertical_fov(width, height, 0.8),
+            world_from_camera: Pose::from_parts(Translation3::new(0.02, 0.02, 1.23), rotation),
+            color: vec![[0; 3]; (width * height) as usize],
+            depth_m: vec![depth_m; (width * height) as usize],
+        };
+        let (config, mut map, mut occupancy) = (BuildConfig::default(), Map::new(0.05), Occupancy::default());
+        let mut see = |depth_m: f32, times: usize| {
+            for _ in 0..times {
+                let frame = frame(depth_m);
+                let world_from_camera = frame.world_from_camera;
+                let found =
+                    occupancy.observe(&config, &frame, &world_from_camera, &Carrier::default(), &map.free_space);
+                map.apply(MapUpdate { stamp: frame.stamp, changes: found.into_iter().collect() });
+            }
+            let cell = map.free_space.cell_at(&Point2::new(1.02, 0.02));
+            (map.free_space.state(cell), occupancy.columns.get(cell))
+        };
+        assert_eq!(see(1.0, 10).0, CellState::Occupied);
+        let (_, column) = see(3.0, 12);
+        assert!(column.bands.iter().all(|band| *band < OCCUPIED), "{column:?}");
     }
 }

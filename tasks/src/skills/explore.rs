@@ -218,12 +218,35 @@ impl Explorer {
                 self.frontiers = FrontierMemory::default();
                 self.gaps.clear();
                 self.reprieved = false;
+                if let Some(place) = self.find_place_before(agent, door)? {
+                    agent.gaze = Gaze::AHEAD;
+                    Drive::to_pose(&self.nav, place).run(agent)?;
+                }
                 look_through(agent, &door.middle)?;
                 look_around(agent, 1.2)?;
             }
             Outcome::Failed(stage, reason) => agent.note(format!("the door stays closed ({stage:?}): {reason}")),
         }
         Ok(())
+    }
+
+    /// Where to stand for a look straight into an opened doorway: the leaf that moved was seen, and taken for something that
+    /// stands there, in every place through which it went.
+    fn find_place_before(&self, agent: &mut Agent, door: &ClosedDoor) -> Result<Option<Pose2>, Halt> {
+        const OFF_M: [f64; 5] = [1.3, 1.15, 1.5, 1.0, 1.7];
+        const ASIDE_M: [f64; 5] = [0.0, 0.15, -0.15, 0.3, -0.3];
+        let (map, nav) = (agent.map().clone(), self.nav.clone());
+        let start = Pose2::from_pose(&agent.world_from_base()?).position;
+        let (middle, normal) = (door.middle, door.normal);
+        agent.plan(move || {
+            let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
+            let field = Field::from_start(&costmap, &start);
+            let across = Vector3::z().cross(&normal).xy();
+            let places =
+                ASIDE_M.iter().flat_map(|aside_m| OFF_M.map(|off_m| middle + normal.xy() * off_m + across * *aside_m));
+            let mut reached = places.filter(|at| costmap.is_traversable_at(at) && field.find_length_to_m(at).is_some());
+            reached.next().map(|place| Pose2::facing(place, &middle))
+        })
     }
 
     /// Looks at objects from near once more, each from a side from which it was not seen from near: a detector that misses
@@ -367,7 +390,7 @@ fn look_towards(agent: &mut Agent, place: &Point2<f64>) -> Result<(), Halt> {
 /// Looks through a passage to both sides, then level: what stood in it up to its full height is gone only once every height
 /// was looked through, and a view into the room passes below the upper half.
 fn look_through(agent: &mut Agent, place: &Point2<f64>) -> Result<(), Halt> {
-    const HEIGHTS_M: [f64; 2] = [1.35, 1.0];
+    const HEIGHTS_M: [f64; 3] = [1.35, 0.9, 0.3];
     const LOOK_S: f64 = 1.5;
     look_towards(agent, place)?;
     for height_m in HEIGHTS_M {
