@@ -116,6 +116,8 @@ pub struct Agent {
     pub bumps: Vec<Point2<f64>>,
     /// Objects that were moved since the last frame, and by what, world frame: what lies in a drawer goes with it.
     pub moved: Vec<(ObjectId, Vector3<f64>)>,
+    /// Boxes through which the leaf of a door was moved since the last frame, world frame.
+    pub swept: Vec<OrientedBox>,
     /// What the cameras measured around the base a moment ago.
     pub live: LiveObstacles,
     frames: BTreeMap<String, Seen>,
@@ -182,6 +184,7 @@ impl Agent {
             held: None,
             bumps: Vec::new(),
             moved: Vec::new(),
+            swept: Vec::new(),
             live: LiveObstacles::default(),
             frames: BTreeMap::new(),
             pace: Pace::default(),

@@ -90,6 +90,7 @@ impl Trial<'_> {
             bodies: shown.robot.iter().map(body).collect(),
             footprint: Some((Point2::from(base.translation.vector.xy()), radius_m)),
             moved: Vec::new(),
+            swept: Vec::new(),
         };
         self.mapping.observe(&frame, &shown.detections, &carrier);
     }

@@ -15,4 +15,7 @@ pub struct Carrier {
     /// Objects that the carrier moved since the last frame, and by what, world frame, metres: what lies in a drawer moves with
     /// it, where nobody sees it.
     pub moved: Vec<(ObjectId, Vector3<f64>)>,
+    /// Boxes through which the carrier moved what is no object of its own, such as the leaf of a door, since the last frame: what
+    /// stood in there is looked at afresh.
+    pub swept: Vec<OrientedBox>,
 }

@@ -8,7 +8,7 @@ use super::cell_grid::CellGrid;
 use super::config::BuildConfig;
 use crate::Pose;
 use crate::frame::RgbdFrame;
-use crate::geometry::BoxUnion;
+use crate::geometry::{BoxUnion, OrientedBox};
 use crate::map::{CellState, FreeSpace, MapChange};
 use nalgebra::{Point2, Point3, Vector3};
 
@@ -85,6 +85,7 @@ impl Occupancy {
     ) -> Option<MapChange> {
         look(config, frame, world_from_camera, carrier, known, &mut self.looks);
         let mut changes = Vec::new();
+        carrier.swept.iter().for_each(|swept| self.forget(swept, known, &mut changes));
         self.looks.touched.sort_unstable();
         for index in self.looks.touched.drain(..) {
             let cell = self.looks.cells.cell_of(index as usize);
@@ -93,6 +94,7 @@ impl Occupancy {
             column.count(&look);
             let state = column.state();
             if state != CellState::Unknown && state != known.state(cell) {
+                changes.retain(|(changed, _)| *changed != cell);
                 changes.push((cell, state));
             }
         }
@@ -103,6 +105,26 @@ impl Occupancy {
     /// Bytes of its grids.
     pub(super) fn grids_bytes(&self) -> usize {
         self.columns.held_bytes() + self.looks.cells.held_bytes() + 4 * self.looks.touched.capacity()
+    }
+
+    /// Takes back what says that something stands in a box. A depth camera does not tell whether all of it is gone: where a
+    /// ray meets nothing in its range it says nothing.
+    fn forget(&mut self, swept: &OrientedBox, known: &FreeSpace, changes: &mut Vec<([i32; 2], CellState)>) {
+        let (within, box_from_world) = (swept.aabb(), swept.world_from_box().inverse());
+        let (low, high) = (known.cell_at(&within.min.xy()), known.cell_at(&within.max.xy()));
+        for (row, column) in (low[1]..=high[1]).flat_map(|row| (low[0]..=high[0]).map(move |column| (row, column))) {
+            let cell = [column, row];
+            let at = known.center_of(cell);
+            let at = box_from_world * Point3::new(at.x, at.y, swept.center.z);
+            if at.x.abs() > 0.5 * swept.size.x || at.y.abs() > 0.5 * swept.size.y {
+                continue;
+            }
+            let evidence = self.columns.at_mut(cell);
+            evidence.bands = evidence.bands.map(|band| band.min(0));
+            if known.state(cell) == CellState::Occupied {
+                changes.push((cell, evidence.state()));
+            }
+        }
     }
 
     /// Where the carrier stands there is floor and nothing else.
@@ -325,5 +347,33 @@ mod tests {
         assert_eq!(see(1.0, 10).0, CellState::Occupied);
         let (_, column) = see(3.0, 12);
         assert!(column.bands.iter().all(|band| *band < OCCUPIED), "{column:?}");
+    }
+
+    #[test]
+    fn what_a_leaf_was_moved_through_is_looked_at_afresh() {
+        let (config, mut known, mut occupancy) = (BuildConfig::default(), FreeSpace::new(0.05), Occupancy::default());
+        for (cell, floor) in [([20, 0], 3), ([21, 0], 0), ([40, 0], 3)] {
+            *occupancy.columns.at_mut(cell) = Column { floor, bands: [HIGHEST; BANDS] };
+            known.set(cell, CellState::Occupied);
+        }
+        let swept = OrientedBox {
+            center: Point3::new(1.0, 0.0, 1.0),
+            size: Vector3::new(0.4, 0.4, 2.0),
+            rotation: UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.4),
+        };
+        // Nothing in its range: the frame itself says nothing.
+        let frame = RgbdFrame {
+            id: FrameId(0),
+            stamp: Stamp::default(),
+            camera: "head".into(),
+            model: CameraModel::from_vertical_fov(4, 4, 0.8),
+            world_from_camera: Pose::identity(),
+            color: vec![[0; 3]; 16],
+            depth_m: vec![0.0; 16],
+        };
+        let carrier = Carrier { swept: vec![swept], ..Carrier::default() };
+        let found = occupancy.observe(&config, &frame, &frame.world_from_camera, &carrier, &known);
+        let expected = vec![([20, 0], CellState::Free), ([21, 0], CellState::Unknown)];
+        assert_eq!(found, Some(MapChange::Cells(expected)));
     }
 }

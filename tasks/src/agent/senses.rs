@@ -96,6 +96,7 @@ impl Agent {
                 self.model.settings.base.footprint_radius_m,
             )),
             moved: Vec::new(),
+            swept: Vec::new(),
         };
         self.journal.note_frame(&frame, &world_from_base);
         (self.on_frame)(&Moment { frame: &frame, map: &self.map, journal: &self.journal });
@@ -108,6 +109,7 @@ impl Agent {
             return Ok(());
         }
         carrier.moved = std::mem::take(&mut self.moved);
+        carrier.swept = std::mem::take(&mut self.swept);
         Ok(self.perception.submit(frame, carrier)?)
     }
 

@@ -179,8 +179,7 @@ fn measure_parts(spec: &RunSpec, rows: &mut Vec<Row>) -> anyhow::Result<Drive> {
         configuration.apply(&robot.arm().state()?.positions);
         configuration.apply(&robot.head().state()?.positions);
         let world_from_base = robot.localisation().world_from_base()?.pose;
-        let carrier =
-            Carrier { bodies: model.link_boxes(&configuration, &world_from_base), footprint: None, moved: Vec::new() };
+        let carrier = Carrier { bodies: model.link_boxes(&configuration, &world_from_base), ..Carrier::default() };
         let detections = detecting.time(|| detector.detect(&frame));
         mapping.time(|| {
             let update = builder.observe(&map, &frame, &detections, &carrier);

@@ -68,17 +68,21 @@ pub(crate) struct CarrierLine {
     pub(crate) footprint: Option<(Point2<f64>, f64)>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) moved: Vec<(ObjectId, Vector3<f64>)>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) swept: Vec<OrientedBox>,
 }
 
 impl From<&Carrier> for CarrierLine {
     fn from(carrier: &Carrier) -> Self {
-        Self { bodies: carrier.bodies.clone(), footprint: carrier.footprint, moved: carrier.moved.clone() }
+        let Carrier { bodies, footprint, moved, swept } = carrier.clone();
+        Self { bodies, footprint, moved, swept }
     }
 }
 
 impl From<CarrierLine> for Carrier {
     fn from(line: CarrierLine) -> Self {
-        Self { bodies: line.bodies, footprint: line.footprint, moved: line.moved }
+        let CarrierLine { bodies, footprint, moved, swept } = line;
+        Self { bodies, footprint, moved, swept }
     }
 }
 

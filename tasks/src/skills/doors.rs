@@ -8,7 +8,7 @@ use dsm::geometry::OrientedBox;
 use dsm::map::{Map, MapObject, ObjectId};
 use dsm_robot::grasp::{Front, Handle, find_front, find_handles};
 use dsm_robot::nav::{Costmap, Field, Pose2};
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
 
 /// What the map calls them.
 const NAME: &str = "door";
@@ -126,6 +126,24 @@ impl Leaf {
         Self { front, handle, hinge, ..*self }
     }
 
+    /// The box through which it goes when it is opened: the square that its quarter disc fills, and its handles on both sides.
+    pub(super) fn swept(&self, opens: Opens) -> OrientedBox {
+        const ABOUT_M: f64 = 0.12;
+        const HIGH_M: f64 = 2.0;
+        let along = (self.handle.center.xy() - self.hinge).normalize();
+        let to = match opens {
+            Opens::Towards => self.front.normal.xy(),
+            Opens::Away => -self.front.normal.xy(),
+        };
+        let side_m = self.front.right_m.1 - self.front.right_m.0 + 2.0 * ABOUT_M;
+        let center = self.hinge + (along + to) * (0.5 * side_m - ABOUT_M);
+        OrientedBox {
+            center: Point3::new(center.x, center.y, 0.5 * HIGH_M),
+            size: Vector3::new(side_m, side_m, HIGH_M),
+            rotation: UnitQuaternion::from_axis_angle(&Vector3::z_axis(), along.y.atan2(along.x)),
+        }
+    }
+
     /// The middle between its edges, at the floor.
     pub(super) fn middle(&self) -> Point2<f64> {
         let (left_m, right_m) = self.front.right_m;
@@ -210,7 +228,6 @@ mod tests {
     use dsm::map::{CellState, FreeSpace, MapChange, MapUpdate, Votes};
     use dsm::time::Stamp;
     use dsm_robot::nav::CostmapConfig;
-    use nalgebra::UnitQuaternion;
 
     /// Points of a board that faces the origin from x, between y and z.
     fn board(x: f64, y: (f64, f64), z: (f64, f64)) -> Vec<Point3<f64>> {
@@ -239,6 +256,13 @@ mod tests {
                 assert!((leaf.hinge.y + 0.39 * handle_y.signum()).abs() < 0.02, "{handle_y}: {leaf:?}");
                 assert!((leaf.hinge.x - 1.1 - deep_m).abs() < 0.01 && (leaf.handle.center.y - handle_y).abs() < 0.01);
                 assert!(leaf.middle().y.abs() < 0.02);
+                let swept = leaf.swept(opens);
+                let beyond_m = swept.center.x - leaf.hinge.x;
+                assert!(
+                    (beyond_m.abs() - 0.39).abs() < 0.03 && (beyond_m > 0.0) == (opens == Opens::Away),
+                    "{swept:?}"
+                );
+                assert!(swept.center.y.abs() < 0.03 && (swept.size.x - 1.02).abs() < 0.03, "{swept:?}");
             }
         }
         let bare = board(1.1, (-0.8, 0.8), (0.0, 1.9));

@@ -98,9 +98,14 @@ impl Task<'_> {
             if opens == Opens::Away { "away, so push" } else { "this way, so pull" }
         ));
         match opens {
-            Opens::Towards => self.pull(agent, &leaf),
+            Opens::Towards => {
+                let pulled = self.pull(agent, &leaf)?;
+                agent.swept.push(leaf.swept(opens));
+                Ok(pulled)
+            }
             Opens::Away => {
                 let pushed = self.push(agent, &leaf)?;
+                agent.swept.push(leaf.swept(opens));
                 if let Ok(Shoved::HeldUp(angle_rad)) = pushed
                     && angle_rad < STUCK_RAD
                 {
