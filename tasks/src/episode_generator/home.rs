@@ -1,8 +1,9 @@
 //! What is true of a home, as far as words about it need it.
 
 use dsm::knowledge::Knowledge;
-use dsm_sim::scene::{BodyMotion, ObjectSemantics, SceneBody, SceneModel, SceneShape, Semantics};
+use dsm_sim::scene::{BodyMotion, ObjectSemantics, SceneBody, SceneMaterial, SceneModel, SceneShape, Semantics};
 use nalgebra::{Point2, Point3, Vector3};
+use std::f64::consts::TAU;
 
 /// A thing stands on what ends this close below it, metres.
 const CARRY_GAP_M: f64 = 0.006;
@@ -33,10 +34,10 @@ const DOOR: &str = "door";
 pub(super) struct HomeObject {
     pub body: String,
     pub category: String,
-    /// Its colour, when it has one and no print in another.
+    /// Its colour, when it has one and no other shows.
     pub color: Option<String>,
-    /// Whether a print makes its colour a matter of taste.
-    pub printed: bool,
+    /// Whether a print, or parts of another colour, make its colour a matter of taste.
+    pub mixed: bool,
     pub room: Option<String>,
     /// Its origin in the world, metres.
     pub at: Point3<f64>,
@@ -78,20 +79,22 @@ impl Home {
             let free = body.motion == BodyMotion::Free;
             let printed = matches!(object.pattern.as_deref(), Some("striped" | "checkered" | "dotted"));
             let top_m = top_of(body);
+            let stands = at.z.abs() < 0.01 && top_m > 0.1;
+            let mixed = printed || stands && is_two_toned(body, &model.materials);
             let takes = object.affordances.iter().any(|a| a == "pick up");
             let surface = SURFACES.contains(&object.category.as_str());
             objects.push(HomeObject {
                 body: object.body.clone(),
                 category: object.category.clone(),
-                color: object.color.clone().filter(|_| !printed),
-                printed,
+                color: object.color.clone().filter(|_| !mixed),
+                mixed,
                 room: semantics.find_room(Point2::new(at.x, at.y)).map(|room| room.name.clone()),
                 at,
                 outline: outline_of(body),
                 free,
                 support: bodies.iter().position(|below| free && below.name != body.name && carries(below, &at)),
                 graspable: free && takes && object.category != "pillow" && width_of(body) <= HAND_M,
-                stands: at.z.abs() < 0.01 && top_m > 0.1,
+                stands,
                 is_surface: surface && (SURFACE_HEIGHT_M.0..=SURFACE_HEIGHT_M.1).contains(&top_m),
             });
         }
@@ -139,6 +142,35 @@ fn carries(body: &SceneBody, point_in_world: &Point3<f64>) -> bool {
         let over = local.x.abs() <= half_m.x && local.y.abs() <= half_m.y;
         over && (local.z - half_m.z).abs() <= CARRY_GAP_M
     })
+}
+
+/// Whether a part of the surface that catches the eye has another colour than the rest: a white counter with a purple top is
+/// as much a white one as a purple one.
+fn is_two_toned(body: &SceneBody, materials: &[SceneMaterial]) -> bool {
+    /// Share of the surface, and difference in one of red, green and blue.
+    const SHARE: f64 = 0.12;
+    const DIFFERENCE: f32 = 0.2;
+    let areas: Vec<(usize, f64)> =
+        body.geoms.iter().filter(|geom| geom.visible).map(|geom| (geom.material, area_m2(&geom.shape))).collect();
+    let total_m2: f64 = areas.iter().map(|(_, area_m2)| area_m2).sum();
+    let shows = |material: usize| {
+        areas.iter().filter(|(of, _)| *of == material).map(|(_, area_m2)| area_m2).sum::<f64>() >= SHARE * total_m2
+    };
+    let shown: Vec<&SceneMaterial> =
+        materials.iter().enumerate().filter(|(index, _)| shows(*index)).map(|(_, material)| material).collect();
+    let differ = |a: &SceneMaterial, b: &SceneMaterial| (0..3).any(|i| (a.rgba[i] - b.rgba[i]).abs() > DIFFERENCE);
+    shown.iter().enumerate().any(|(index, a)| shown[..index].iter().any(|b| differ(a, b)))
+}
+
+/// Surface of a shape of furniture, square metres; 0 for shapes that no furniture is made of.
+fn area_m2(shape: &SceneShape) -> f64 {
+    match shape {
+        SceneShape::Box { half_m: half } => 8.0 * (half.x * half.y + half.y * half.z + half.z * half.x),
+        SceneShape::Cylinder { radius_m, half_length_m } => TAU * radius_m * (radius_m + 2.0 * half_length_m),
+        SceneShape::Sphere { radius_m } => 2.0 * TAU * radius_m * radius_m,
+        SceneShape::Ellipsoid { radii_m } => 2.0 * TAU * radii_m.mean().powi(2),
+        _ => 0.0,
+    }
 }
 
 /// The upright rectangle around a body's solids.

@@ -123,6 +123,45 @@ fn tiny(half_m: f64) -> (SceneModel, Semantics) {
 }
 
 #[test]
+fn furniture_of_two_colours_is_not_told_by_its_colour() {
+    let folder = tempfile::tempdir().unwrap();
+    let counter = |name: &str, x: f64, body: &str, top: &str| {
+        format!(
+            "<body name=\"{name}\" pos=\"{x} 0 0\"><geom type=\"box\" pos=\"0 0 .4\" size=\".6 .3 .4\" rgba=\"{body} 1\"/>\
+             <geom type=\"box\" pos=\"0 0 .82\" size=\".6 .3 .02\" rgba=\"{top} 1\"/></body>"
+        )
+    };
+    let (white, purple) = (".9 .9 .9", ".4 .1 .5");
+    let xml = format!(
+        "<mujoco><worldbody>{}{}{}</worldbody></mujoco>",
+        counter("a", 0.0, white, white),
+        counter("b", 2.0, white, purple),
+        counter("c", 4.0, purple, purple),
+    );
+    std::fs::write(folder.path().join("scene.xml"), xml).unwrap();
+    let object = |body: &str, color: &str| {
+        format!("[[object]]\nbody = \"{body}\"\ncategory = \"countertop\"\ncolor = \"{color}\"\n")
+    };
+    let text = format!(
+        "version = 1\nname = \"tiny\"\n{}{}{}",
+        object("a", "white"),
+        object("b", "purple"),
+        object("c", "purple")
+    );
+    std::fs::write(folder.path().join("semantics.toml"), text).unwrap();
+    let file = folder.path().join("scene.xml");
+    let model = SceneModel::load(Path::new(&file)).unwrap();
+    let home = Home::read(&model, &Semantics::load(&file, &model).unwrap());
+    let told: Vec<(bool, Option<&str>)> = home.objects.iter().map(|o| (o.mixed, o.color.as_deref())).collect();
+    assert_eq!(told, [(false, Some("white")), (true, None), (false, Some("purple"))]);
+    let knowledge = Knowledge::embedded().unwrap();
+    for index in 0..3 {
+        let names = find_names(index, &home, &knowledge);
+        assert!(names.iter().all(|name| !name.starts_with("white") && !name.starts_with("purple")), "{names:?}");
+    }
+}
+
+#[test]
 fn names_hold_for_one_object_alone() {
     let knowledge = Knowledge::embedded().unwrap();
     let (model, semantics) = tiny(0.5);

@@ -16,8 +16,8 @@ pub(super) fn find_names(index: usize, home: &Home, knowledge: &Knowledge) -> Ve
     let called = |other: usize| home.is_called(other, noun, knowledge);
     let colored = |other: usize| {
         let o = &home.objects[other];
-        // What a print shows may be called by any of its colours.
-        o.printed || o.color == object.color
+        // What shows several colours may be called by any of them.
+        o.mixed || o.color == object.color
     };
     let mut names = Vec::new();
     let mut add = |text: String, holds: &dyn Fn(usize) -> bool| {

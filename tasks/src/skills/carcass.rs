@@ -1,7 +1,7 @@
 //! The body of a piece of furniture of which something stands open: a door that leans out turns the box of the map.
 
 use dsm::geometry::OrientedBox;
-use dsm::map::{CellState, FreeSpace};
+use dsm::map::{CellState, FreeSpace, Map, MapObject, ObjectId};
 use nalgebra::{Point2, Point3, UnitQuaternion, Vector2, Vector3};
 use std::collections::BTreeMap;
 
@@ -13,6 +13,33 @@ const LIKE_WALLS: f64 = 0.5;
 const OUTSIDE: f64 = 0.01;
 /// Fewer points say nothing about how the furniture stands.
 const LEAST_POINTS: usize = 100;
+
+/// A piece of furniture of the map with what was torn off it: its points, and a box over all of its height. A drawer that
+/// stands out hides what is below it, so that masks fall in two; furniture does not stand on furniture of its name. `None`
+/// when the object left the map.
+pub(super) fn find_whole(map: &Map, id: ObjectId) -> Option<(Vec<Point3<f64>>, OrientedBox)> {
+    let own = map.find_object(id)?;
+    let is_piece = |other: &&MapObject| other.id == id || other.name() == own.name() && are_stacked(own, other);
+    let pieces: Vec<&MapObject> = map.stable_objects().chain([own]).filter(is_piece).collect();
+    let points = pieces.iter().flat_map(|piece| &piece.points).map(|point| point.position.cast()).collect();
+    let bottom_m = pieces.iter().map(|piece| piece.bounds.bottom_m()).fold(f64::INFINITY, f64::min);
+    let top_m = pieces.iter().map(|piece| piece.bounds.top_m()).fold(f64::NEG_INFINITY, f64::max);
+    // The lower piece is the body; the upper one leans out.
+    let body = pieces.iter().min_by(|a, b| a.bounds.bottom_m().total_cmp(&b.bounds.bottom_m()))?.bounds;
+    let center = Point3::new(body.center.x, body.center.y, 0.5 * (bottom_m + top_m));
+    Some((points, OrientedBox { center, size: Vector3::new(body.size.x, body.size.y, top_m - bottom_m), ..body }))
+}
+
+/// Whether one lies right over the other.
+fn are_stacked(a: &MapObject, b: &MapObject) -> bool {
+    /// Masks lose a border, and the gap behind a drawer shows nothing, metres.
+    const GAP_M: f64 = 0.15;
+    const COMMON_SHARE: f64 = 0.5;
+    let (a, b) = (a.bounds.aabb(), b.bounds.aabb());
+    let common = (a.max.inf(&b.max) - a.min.sup(&b.min)).xy().map(|side| side.max(0.0));
+    let smaller = (a.size().x * a.size().y).min(b.size().x * b.size().y);
+    common.x * common.y > COMMON_SHARE * smaller && (a.min.z - b.max.z).max(b.min.z - a.max.z) < GAP_M
+}
 
 /// The upright box around points (world frame) that stands as most of their faces do: seen along a face its points fall
 /// together, so that the counts along both axes peak. Furniture stands as the walls do unless its points say otherwise.
@@ -74,6 +101,8 @@ fn extent(points: &[Point2<f64>], axis: &Vector2<f64>) -> Option<(f64, f64)> {
 mod tests {
     //! Contract: the box stands as the furniture does, although an open door leans out of it.
     use super::*;
+    use dsm::map::{MapChange, MapUpdate, Votes};
+    use dsm::time::Stamp;
 
     #[test]
     fn an_open_door_does_not_turn_the_box() {
@@ -103,6 +132,31 @@ mod tests {
         // Less a hundredth of the points at either end.
         assert!((sizes[0] - 0.85).abs() < 0.06 && (sizes[1] - 1.0).abs() < 0.06, "{sizes:?}");
         assert_eq!(find_carcass(&points[..50], &bounds, &walls), bounds);
+    }
+
+    #[test]
+    fn what_was_torn_off_belongs_to_the_furniture() {
+        let mut map = Map::new(0.05);
+        let mut put = |id: u64, name: &str, center: [f64; 3], size: [f64; 3]| {
+            let mut votes = Votes::default();
+            votes.add(name, 9.0);
+            let rotation = UnitQuaternion::identity();
+            let bounds = OrientedBox { center: center.into(), size: size.into(), rotation };
+            let changes = vec![MapChange::Put(Box::new(MapObject::given(ObjectId(id), votes, bounds)))];
+            map.apply(MapUpdate { stamp: Stamp::default(), changes });
+        };
+        put(1, "dresser", [0.0, 0.0, 0.27], [1.0, 0.48, 0.54]);
+        put(2, "dresser", [0.0, -0.2, 0.75], [1.0, 0.6, 0.26]);
+        put(3, "dresser", [1.3, 0.0, 0.4], [1.0, 0.48, 0.8]);
+        put(4, "vase", [0.0, 0.0, 1.0], [0.1, 0.1, 0.2]);
+        let whole = |id: u64| find_whole(&map, ObjectId(id)).map(|(_, bounds)| bounds).expect("it is in the map");
+        for id in [1, 2] {
+            let bounds = whole(id);
+            assert!((bounds.top_m() - 0.88).abs() < 1e-9 && bounds.bottom_m().abs() < 1e-9, "{bounds:?}");
+            assert!(bounds.center.y.abs() < 1e-9 && (bounds.size.y - 0.48).abs() < 1e-9, "{bounds:?}");
+        }
+        assert!((whole(3).top_m() - 0.8).abs() < 1e-9 && (whole(4).top_m() - 1.1).abs() < 1e-9);
+        assert!(find_whole(&map, ObjectId(9)).is_none());
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use super::Outcome;
 use super::ajar::{Ajar, Stand, read_stand};
 use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
-use super::carcass::find_carcass;
+use super::carcass::{find_carcass, find_whole};
 use super::drive::{Drive, DriveOutcome};
 use super::front_places::{Reach, WRIST_LOOK_M, places_to_look, reaches};
 use super::fronts::{Side, gather};
@@ -66,10 +66,8 @@ pub fn close(
     part: Part,
     stowed: &mut BTreeSet<ObjectId>,
 ) -> Result<Outcome, Halt> {
-    let Some(bounds) = agent.map().find_object(id).map(|object| {
-        let points: Vec<Point3<f64>> = object.points.iter().map(|point| point.position.cast()).collect();
-        find_carcass(&points, &object.bounds, &agent.map().free_space)
-    }) else {
+    let whole = find_whole(agent.map(), id);
+    let Some(bounds) = whole.map(|(points, bounds)| find_carcass(&points, &bounds, &agent.map().free_space)) else {
         return Ok(Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0)));
     };
     let task = Task { nav, settings, bounds, part };

@@ -4,6 +4,7 @@
 use super::Outcome;
 use super::approach::{Ground, come_to};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
+use super::carcass::find_whole;
 use super::drive::{Drive, DriveOutcome};
 use super::front_places::{Reach, WRIST_LOOK_M, nearest_roll, places_to_look, plan_reach};
 use super::fronts::{Expected, Grabbed, Side, choose_handle, find_hinge, gather, moved, read_front};
@@ -62,7 +63,7 @@ pub fn open(
     id: ObjectId,
     part: Part,
 ) -> Result<(Outcome, Option<OpenDrawer>), Halt> {
-    let Some(bounds) = agent.map().find_object(id).map(|object| object.bounds) else {
+    let Some((_, bounds)) = find_whole(agent.map(), id) else {
         return Ok((Outcome::Failed(Stage::Mapping, format!("object {} left the map", id.0)), None));
     };
     let mut last = (Stage::Planning, "no attempt was made".to_owned());
