@@ -166,8 +166,8 @@ pub(super) fn turn(agent: &mut Agent, angle_rad: f64) -> Result<(), Halt> {
     agent.rest(Span::from_s(0.3))
 }
 
-/// Drives straight, forwards or (with a negative way) backwards, without a map: a short way that the caller has seen to be
-/// free. Ends early when something is touched; how far it went, metres.
+/// Drives straight: forwards a short way that the caller has seen to be free, or (with a negative way) backwards, where it looks
+/// at nothing, as far as the map shows nothing. Ends early when something is touched; how far it went, metres.
 pub(super) fn creep(agent: &mut Agent, way_m: f64, speed_m_per_s: f64) -> Result<f64, Halt> {
     let still = dsm_robot::joints::JointVelocities::zeros(&agent.model().arm.joints);
     let start = agent.odom_from_base()?;
@@ -178,7 +178,8 @@ pub(super) fn creep(agent: &mut Agent, way_m: f64, speed_m_per_s: f64) -> Result
     // Beside things the arm slows the base.
     while (agent.now() - begin).as_s() < 4.0 * way_m.abs() / speed_m_per_s + 3.0 {
         let left_m = way_m - gone(agent)?;
-        if left_m * way_m.signum() < 0.003 || agent.take_touch() {
+        let free = way_m > 0.0 || is_floor_behind(agent)?;
+        if left_m * way_m.signum() < 0.003 || !free || agent.take_touch() {
             break;
         }
         let speed = speed_m_per_s.min((2.0 * 0.2 * left_m.abs()).sqrt()).max(0.015);
