@@ -114,6 +114,8 @@ pub struct Agent {
     held: Option<OrientedBox>,
     /// Where the base was held up by something that the map does not show, world frame.
     pub bumps: Vec<Point2<f64>>,
+    /// When a drive last gave up before what stood in its way.
+    pub held_up: Option<Stamp>,
     /// Objects that were moved since the last frame, and by what, world frame: what lies in a drawer goes with it.
     pub moved: Vec<(ObjectId, Vector3<f64>)>,
     /// Boxes through which the leaf of a door was moved since the last frame, world frame.
@@ -183,6 +185,7 @@ impl Agent {
             grip: None,
             held: None,
             bumps: Vec::new(),
+            held_up: None,
             moved: Vec::new(),
             swept: Vec::new(),
             live: LiveObstacles::default(),

@@ -7,7 +7,7 @@ use crate::skills::meaning::{FITS, FITS_POORLY, Meaning, find_rivals};
 use crate::skills::navigate::navigate_to_object;
 use crate::skills::regrip::grasp;
 use crate::skills::search::Thoroughness;
-use crate::summary::Stage;
+use crate::summary::{Stage, StepOutcome};
 use dsm::ground::{Command, Grounding};
 use dsm::map::ObjectId;
 
@@ -53,7 +53,12 @@ impl Executor {
                     Err(refused) => return Ok(*refused),
                 };
                 match grounding.object_id {
-                    Some(id) => (self.grasp_and_weigh(agent, id, text)?, grounding),
+                    Some(id) => match self.grasp_and_weigh(agent, id, text)? {
+                        other @ Outcome::Failed(Stage::Grounding, _) => {
+                            return self.grasp_another(agent, text, (grounding, id), other);
+                        }
+                        outcome => (outcome, grounding),
+                    },
                     None => (Outcome::Failed(Stage::Grounding, NO_ROOM.into()), grounding),
                 }
             }
@@ -100,9 +105,12 @@ impl Executor {
             }
         }
         // The best of them, if it is not plainly another one.
-        let Some((score, best)) = best.filter(|(score, _)| *score >= FITS_POORLY) else {
-            return Ok(settled("grasp", outcome, grounding));
-        };
+        let Some((score, best)) = best else { return Ok(settled("grasp", outcome, grounding)) };
+        if score < FITS_POORLY {
+            let reason = format!("what was meant is not there any more: the best of its name fits by {score:.2}");
+            let grounding = Some(Grounding { object_id: None, score, ..grounding });
+            return Ok(Done { outcome: StepOutcome::Absent, reason, skill: "grasp", grounding, stage: None });
+        }
         agent.note(format!("object {} fits best", best.0));
         // What was looked at twice needs no third look.
         let outcome = if best == id || score < FITS {

@@ -175,7 +175,7 @@ pub(super) fn read_leaf(
     let near = about(half_m + BESIDE_M);
     let mut front = find_front(&about(half_m), normal).ok_or("no board is seen")?;
     // Its edges may lie beyond the map's box.
-    if let Some(wider) = find_front(&about(half_m + 0.12), normal).filter(|wider| is_leaf_wide(wider)) {
+    if let Some(wider) = find_front(&about(half_m + 0.12), normal).filter(is_leaf_wide) {
         front = wider;
     }
     if !is_leaf_wide(&front) {

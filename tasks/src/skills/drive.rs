@@ -141,6 +141,7 @@ impl<'a> Drive<'a> {
                 FollowStatus::Blocked { reason } => {
                     trouble += 1;
                     if trouble >= MAX_TROUBLE {
+                        agent.held_up = Some(now);
                         return Ok(DriveOutcome::Blocked(format!("{reason:?}")));
                     }
                     match reason {

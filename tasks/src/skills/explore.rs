@@ -30,6 +30,12 @@ const FLOOR_TILT_RAD: f64 = 0.95;
 const WIDE_M: f64 = 0.5;
 const TABLE_TOP_M: f64 = 1.0;
 
+/// What held a drive up, and closes a gap since then, may go away by itself: so often and so long it is waited for, and not
+/// after so long a time, seconds.
+const MOST_WAITS: usize = 3;
+const WAIT_S: f64 = 20.0;
+const HELD_UP_FOR_S: f64 = 150.0;
+
 /// Why exploration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExploreOutcome {
@@ -52,6 +58,8 @@ pub struct Explorer {
     reprieved: bool,
     /// Beyond gaps that were looked at, world frame, metres.
     gaps: Vec<Point2<f64>>,
+    /// How often it was waited for what stands in a gap.
+    waits: usize,
     /// How the hand opens doors; `None` when they are left as they are.
     hand: Option<GraspSettings>,
     /// Where doors are that were opened or given up, world frame, metres.
@@ -73,6 +81,7 @@ enum Next {
     Viewpoint(dsm_robot::nav::Viewpoint),
     Gap(dsm_robot::nav::Gap),
     Door(Box<ClosedDoor>),
+    Wait,
     Nothing,
 }
 
@@ -89,6 +98,7 @@ impl Explorer {
             inspected: BTreeSet::new(),
             reprieved: false,
             gaps: Vec::new(),
+            waits: 0,
             hand: None,
             doors: Vec::new(),
             complete: false,
@@ -192,6 +202,12 @@ impl Explorer {
                     look_around(agent, 2.6)?;
                 }
                 Next::Door(door) => self.pass(agent, &door)?,
+                Next::Wait => {
+                    agent.note("waits for what stands in the way to go");
+                    agent.rest(Span::from_s(WAIT_S))?;
+                    self.waits += 1;
+                    self.gaps.clear();
+                }
                 // A way that was blocked by what went away, or by a pose that wandered, may be open now.
                 Next::Nothing if !self.reprieved && self.frontiers.reprieve(&self.nav.frontier) => {
                     agent.note("tries once more what was given up");
@@ -310,6 +326,8 @@ impl Explorer {
         let (nav, memory, gaps) = (self.nav.clone(), self.frontiers.clone(), self.gaps.clone());
         // A hand that holds something opens nothing.
         let tried_doors = self.hand.as_ref().filter(|_| agent.held().is_none()).map(|_| self.doors.clone());
+        let was_held_up = agent.held_up.is_some_and(|at| (agent.now() - at).as_s() < HELD_UP_FOR_S);
+        let is_patient = was_held_up && self.waits < MOST_WAITS;
         let mut coverage = std::mem::take(&mut self.coverage);
         let (next, coverage) = agent.plan(move || {
             let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
@@ -334,7 +352,9 @@ impl Explorer {
                     let doors = find_closed_doors(&map, &costmap, &field, tried_doors.as_deref()?);
                     doors.into_iter().next().map(|door| Next::Door(Box::new(door)))
                 };
-                view.or_else(gap).or_else(door).unwrap_or(Next::Nothing)
+                // Somebody, or a box that is carried on, stands in a gap that was looked at.
+                let wait = || find_gap(&costmap, &field, &[]).filter(|_| is_patient).map(|_| Next::Wait);
+                view.or_else(gap).or_else(door).or_else(wait).unwrap_or(Next::Nothing)
             });
             (next, coverage)
         })?;
