@@ -16,7 +16,7 @@ use dsm_tasks::run::{RunSpec, Silent};
 use dsm_tasks::session::Session;
 use dsm_tasks::skills::Outcome;
 use dsm_tasks::skills::drive::{Drive, DriveOutcome};
-use dsm_tasks::skills::explore::look_around;
+use dsm_tasks::skills::looks::look_around;
 use dsm_tasks::summary::{Stage, StepOutcome};
 use nalgebra::Point2;
 use std::path::Path;

@@ -18,7 +18,7 @@ use dsm_tasks::episode::{Episode, Start};
 use dsm_tasks::run::{RunSpec, Silent};
 use dsm_tasks::session::{Keep, OwnRobot, Session};
 use dsm_tasks::skills::Outcome;
-use dsm_tasks::skills::explore::look_around;
+use dsm_tasks::skills::looks::look_around;
 use dsm_tasks::summary::StepOutcome;
 use std::path::Path;
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! Where a thing that slipped out of the hand lies: the words that named it ("on the bookshelf") name nothing any more.
 
-use super::explore::look_around;
 use super::held::Held;
+use super::looks::look_around;
 use super::retreat::retreat;
 use super::target::Target;
 use crate::agent::{Agent, Halt};
