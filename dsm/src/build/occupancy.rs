@@ -85,7 +85,6 @@ impl Occupancy {
     ) -> Option<MapChange> {
         look(config, frame, world_from_camera, carrier, known, &mut self.looks);
         let mut changes = Vec::new();
-        carrier.swept.iter().for_each(|swept| self.forget(swept, known, &mut changes));
         self.looks.touched.sort_unstable();
         for index in self.looks.touched.drain(..) {
             let cell = self.looks.cells.cell_of(index as usize);
@@ -94,10 +93,10 @@ impl Occupancy {
             column.count(&look);
             let state = column.state();
             if state != CellState::Unknown && state != known.state(cell) {
-                changes.retain(|(changed, _)| *changed != cell);
                 changes.push((cell, state));
             }
         }
+        carrier.swept.iter().for_each(|swept| self.forget(swept, known, &mut changes));
         self.stand(carrier, known, &mut changes);
         (!changes.is_empty()).then_some(MapChange::Cells(changes))
     }
@@ -121,6 +120,7 @@ impl Occupancy {
             }
             let evidence = self.columns.at_mut(cell);
             evidence.bands = evidence.bands.map(|band| band.min(0));
+            changes.retain(|(changed, _)| *changed != cell);
             if known.state(cell) == CellState::Occupied {
                 changes.push((cell, evidence.state()));
             }

@@ -98,6 +98,23 @@ pub struct Ground<'a> {
     pub held: Option<ObjectId>,
 }
 
+/// Plans from where the robot stands, with its posture and map of now, beside the loop. `held` as in [`Ground`].
+pub fn plan_on_ground<T: Send + 'static>(
+    agent: &mut Agent,
+    nav: &NavConfig,
+    held: Option<ObjectId>,
+    plan: impl FnOnce(&Ground<'_>) -> T + Send + 'static,
+) -> Result<T, Halt> {
+    let (map, nav, model) = (agent.map().clone(), nav.clone(), agent.model().clone());
+    let start = Pose2::from_pose(&agent.world_from_base()?).position;
+    let folded = agent.configuration()?;
+    agent.plan(move || {
+        let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
+        let field = Field::from_start(&costmap, &start);
+        plan(&Ground { map: &map, model: &model, costmap: &costmap, field: &field, folded: &folded, held })
+    })
+}
+
 /// Finds how to come to the first `wanted` of the `stands` that have room for it with the arm ready, and with the tool at
 /// least at `tool_z_m` above the floor.
 pub fn find_approaches(ground: &Ground<'_>, stands: &[Pose2], tool_z_m: f64, wanted: usize) -> Vec<Approach> {

@@ -3,7 +3,7 @@
 
 use super::Outcome;
 use super::ajar::{Ajar, Stand, read_stand};
-use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
+use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches, plan_on_ground};
 use super::carcass::{find_carcass, find_whole};
 use super::drive::{Drive, DriveOutcome};
 use super::front_places::{Reach, WRIST_LOOK_M, places_to_look, reaches};
@@ -200,22 +200,8 @@ impl Task<'_> {
 
     /// Comes before what stands open, pushes it to, and backs off; how far it went, metres.
     fn push_to(&self, agent: &mut Agent, ajar: &Ajar, side: &Side, load: &[ObjectId]) -> Result<Tried<f64>, Halt> {
-        let (map, nav, model) = (agent.map().clone(), self.nav.clone(), agent.model().clone());
-        let start = Pose2::from_pose(&agent.world_from_base()?).position;
-        let (configuration, ajar, side) = (agent.configuration()?, *ajar, *side);
-        let planned = agent.plan(move || {
-            let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
-            let field = Field::from_start(&costmap, &start);
-            let ground = Ground {
-                map: &map,
-                model: &model,
-                costmap: &costmap,
-                field: &field,
-                folded: &configuration,
-                held: None,
-            };
-            plan_push(&ground, &ajar, &side)
-        })?;
+        let (ajar, side) = (*ajar, *side);
+        let planned = plan_on_ground(agent, self.nav, None, move |ground| plan_push(ground, &ajar, &side))?;
         let (reach, approach) = match planned {
             Ok(planned) => planned,
             Err(reason) => return Ok(Err((Stage::Planning, reason))),

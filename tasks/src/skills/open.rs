@@ -2,7 +2,7 @@
 //! off, let go.
 
 use super::Outcome;
-use super::approach::{Ground, come_to};
+use super::approach::{come_to, plan_on_ground};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
 use super::carcass::find_whole;
 use super::drive::{Drive, DriveOutcome};
@@ -246,23 +246,8 @@ impl Task<'_> {
 
     /// Drives before the handle and unfolds the arm there; the hand ends before the handle, a step back.
     fn come_before(&self, agent: &mut Agent, target: &Grabbed) -> Result<Tried<Reach>, Halt> {
-        let (map, nav, model) = (agent.map().clone(), self.nav.clone(), agent.model().clone());
-        let start = Pose2::from_pose(&agent.world_from_base()?).position;
-        let configuration = agent.configuration()?;
         let (handle, target, wanted_rad) = (target.handle, *target, self.wanted_rad);
-        let planned = agent.plan(move || {
-            let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
-            let field = Field::from_start(&costmap, &start);
-            let ground = Ground {
-                map: &map,
-                model: &model,
-                costmap: &costmap,
-                field: &field,
-                folded: &configuration,
-                held: None,
-            };
-            plan_reach(&ground, &target, wanted_rad)
-        })?;
+        let planned = plan_on_ground(agent, self.nav, None, move |ground| plan_reach(ground, &target, wanted_rad))?;
         let (reach, approach) = match planned {
             Ok(planned) => planned,
             Err(reason) => return Ok(Err((Stage::Reach, reason))),

@@ -2,7 +2,7 @@
 //! closed hand, and get out of its way.
 
 use super::Outcome;
-use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
+use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches, plan_on_ground};
 use super::arm::{move_joints_around, move_through};
 use super::close::hands_ahead;
 use super::doors::{ClosedDoor, Leaf, Opens, read_leaf};
@@ -22,7 +22,7 @@ use dsm::time::Span;
 use dsm_robot::control::{IkRequest, find_ik};
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::{Configuration, Obstacle, RobotModel};
-use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2};
+use dsm_robot::nav::{NavConfig, Pose2};
 use nalgebra::{Point2, Point3, Translation3, Vector2, Vector3};
 
 /// Attempts before a door is given up.
@@ -146,23 +146,9 @@ impl Task<'_> {
 
     /// Pushes the door open with the closed hand, and backs off.
     fn push(&self, agent: &mut Agent, leaf: &Leaf) -> Result<Tried<Shoved>, Halt> {
-        let (map, nav, model) = (agent.map().clone(), self.nav.clone(), agent.model().clone());
-        let start = Pose2::from_pose(&agent.world_from_base()?).position;
-        let (configuration, leaf) = (agent.configuration()?, *leaf);
-        let planned = agent.plan(move || {
-            let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
-            let field = Field::from_start(&costmap, &start);
-            let ground = Ground {
-                map: &map,
-                model: &model,
-                costmap: &costmap,
-                field: &field,
-                folded: &configuration,
-                held: None,
-            };
-            plan_push(&ground, &leaf)
-        })?;
-        let (reach, approach, at) = match planned {
+        let leaf = *leaf;
+        let (reach, approach, at) = match plan_on_ground(agent, self.nav, None, move |ground| plan_push(ground, &leaf))?
+        {
             Ok(planned) => planned,
             Err(reason) => return Ok(Err((Stage::Planning, reason))),
         };

@@ -1,7 +1,7 @@
 //! Placing: drive to a free spot on a surface, lower what is held, open, retreat, and look.
 
 use super::Outcome;
-use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
+use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches, plan_on_ground};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
 use super::grasp::{GraspSettings, finger_links, seeds};
 use super::held::{Held, carry, carrying, obstacles_but_held};
@@ -265,22 +265,10 @@ fn choose_stands(
     const MAX_STANDS: usize = 6;
     /// Spots for which ways around things are planned: a search each.
     const MAX_AROUND: usize = 4;
-    let (map, model) = (agent.map().clone(), agent.model().clone());
-    let start = Pose2::from_pose(&agent.world_from_base()?).position;
-    let configuration = agent.configuration()?;
-    let (nav, held) = (nav.clone(), held.clone());
-    agent.plan(move || {
-        let costmap = Costmap::from_free_space(&map.free_space, &nav.costmap);
-        let field = Field::from_start(&costmap, &start);
-        let ground = Ground {
-            map: &map,
-            model: &model,
-            costmap: &costmap,
-            field: &field,
-            folded: &configuration,
-            held: Some(held.id),
-        };
-        let spots = apart(find_spots(&map, surface, Some(held.id), &held.load, spare), 0.1, MAX_SPOTS);
+    let held = held.clone();
+    plan_on_ground(agent, nav, Some(held.id), move |ground| {
+        let &Ground { map, model, costmap, field, folded, .. } = ground;
+        let spots = apart(find_spots(map, surface, Some(held.id), &held.load, spare), 0.1, MAX_SPOTS);
         let (spot_count, mut stand_count, mut reach_count, mut way_count) = (spots.len(), 0, 0, 0);
         let mut found = Vec::new();
         let mut reached = Vec::new();
@@ -291,16 +279,15 @@ fn choose_stands(
                 let world_from_base = stand.to_pose();
                 turns_on(&spot, &held, stand.yaw_rad).into_iter().any(|turn| {
                     let goal = base_from_tool_on(&world_from_base, &spot, &held, turn);
-                    find_reach(&model, &configuration, &[], &goal).is_some()
+                    find_reach(model, folded, &[], &goal).is_some()
                 })
             };
-            let stands = stands_around(&costmap, &field, &spot.point.xy());
+            let stands = stands_around(costmap, field, &spot.point.xy());
             stand_count += stands.len();
             let stands: Vec<Pose2> = stands.into_iter().take(MAX_STANDS).filter(reaches).collect();
             reach_count += stands.len();
             let over_m = over(&spot);
-            let approaches =
-                find_approaches(&ground, &stands, over_m, 1);
+            let approaches = find_approaches(ground, &stands, over_m, 1);
             reached.push((spot, stands));
             way_count += approaches.len();
             found.extend(approaches.into_iter().map(|approach| (spot, approach)));
@@ -310,11 +297,11 @@ fn choose_stands(
         }
         if found.is_empty() {
             let around = |(spot, stands): (Spot, Vec<Pose2>)| {
-                let way =
-                    find_approach_around(&ground, &stands, over(&spot))?;
+                let way = find_approach_around(ground, &stands, over(&spot))?;
                 Some((spot, way))
             };
-            found.extend(reached.into_iter().filter(|(_, stands)| !stands.is_empty()).take(MAX_AROUND).find_map(around));
+            found
+                .extend(reached.into_iter().filter(|(_, stands)| !stands.is_empty()).take(MAX_AROUND).find_map(around));
         }
         tracing::debug!(
             "{spot_count} spots, {stand_count} places around them, {reach_count} of the tested reach, {way_count} ways, {} kept",
