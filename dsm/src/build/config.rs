@@ -79,7 +79,7 @@ parameters! {
     geometric_threshold: f64 = 0.3 in [0.0, 1.0];
     /// Geometric score s_g0 when one box lies inside the other. Low enough that s_v + s_g0 alone stays below the total
     /// threshold: a thing does not become part of its container because their colours agree.
-    containment_score: f64 = 0.55 in [0.0, 1.0];
+    containment_score: f64 = 0.49 in [0.0, 1.0];
     /// Total threshold T of the paper on S = s_v + s_g + s_c.
     total_threshold: f64 = 1.5 in [0.0, 3.0];
     /// How far the pose may be off, metres: boxes are grown by it before they are compared.

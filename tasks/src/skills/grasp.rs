@@ -5,6 +5,7 @@ use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around}
 use super::hold::{Lifted, between_fingers, close, verify};
 use super::meaning::Meaning;
 use super::obstacles::find_obstacles;
+use super::retreat::back_off;
 use super::target::Target;
 use super::wrist::{center_with_wrist, look_back_m, look_pose};
 use crate::agent::{Agent, Halt};
@@ -237,7 +238,10 @@ pub(super) fn try_grasp(
     let before =
         between_fingers(&points_of(&target.in_map(agent.map()), id), &grasp.world_from_tool, support_z_m, aperture_m);
     agent.mark("lifts");
-    let lifted = lift(agent, settings, &base_from_grasp, &reach.joints, &obstacles)?;
+    let lifted = match lift(agent, settings, &base_from_grasp, &reach.joints, &obstacles)? {
+        ArmOutcome::Stuck { error_m, .. } if error_m > LIFT_LEFT_M => lift_behind(agent, task, &reach.joints, error_m)?,
+        lifted => lifted,
+    };
     let mut verified = verify(agent, settings, &before, lifted)?;
     if let Ok(Lifted { sagged_m, .. }) = verified
         && sagged_m > 0.0
@@ -263,6 +267,36 @@ pub(super) fn try_grasp(
     Ok(verified.map(|lifted| format!("lifted; {:.0} mm between the fingers", 1e3 * lifted.width_m)))
 }
 
+/// A lift that ends by more than this too low is not done, metres.
+const LIFT_LEFT_M: f64 = 0.03;
+
+/// Backs off with what is held, out of what the arm stands in, and lifts it by what is left.
+fn lift_behind(
+    agent: &mut Agent,
+    task: &GraspTask<'_>,
+    joints: &JointPositions,
+    left_m: f64,
+) -> Result<ArmOutcome, Halt> {
+    const BACK_M: f64 = 0.3;
+    const BACK_M_PER_S: f64 = 0.06;
+    agent.log(format!("{left_m:.2} m short of the lift: backs off with it"));
+    back_off(agent, BACK_M, BACK_M_PER_S)?;
+    let (model, configuration) = (agent.model().clone(), agent.configuration()?);
+    let world_from_base = agent.world_from_base()?;
+    let id = task.target.id();
+    let obstacles = find_obstacles(&task.target.in_map(agent.map()), Some(&agent.live), &world_from_base, Some(id));
+    let up = ToolMove {
+        goal: Translation3::new(0.0, 0.0, left_m) * model.kinematics.root_from_link(&configuration, model.tool),
+        obstacles: &obstacles,
+        touching: &finger_links(&model),
+        speed_m_per_s: task.settings.approach_speed_m_per_s,
+        posture: Some(joints),
+        give_up_after: STUCK_AFTER,
+        clearance_m: None,
+    };
+    move_tool(agent, &up)
+}
+
 /// Lifts; where something is above the arm, out to the front first: on a shelf there is no room to lift.
 fn lift(
     agent: &mut Agent,
@@ -272,7 +306,6 @@ fn lift(
     obstacles: &[Obstacle],
 ) -> Result<ArmOutcome, Halt> {
     const OUT_M: f64 = 0.25;
-    const LEFT_M: f64 = 0.03;
     let fingers = finger_links(agent.model());
     let up = Translation3::new(0.0, 0.0, settings.planner.lift_m);
     let way = |goal: Pose| ToolMove {
@@ -286,7 +319,7 @@ fn lift(
     };
     let lifted = move_tool(agent, &way(up * base_from_grasp))?;
     let ArmOutcome::Stuck { error_m, .. } = lifted else { return Ok(lifted) };
-    if error_m < LEFT_M {
+    if error_m < LIFT_LEFT_M {
         return Ok(lifted);
     }
     agent.log(format!("{error_m:.2} m short of the lift: out to the front first"));
