@@ -6,6 +6,9 @@ use dsm_sim::disturb::DisturbanceKind;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+/// Simulated time to get over what happens, beside what the task has, seconds.
+const RECOVERY_S: f64 = 180.0;
+
 /// Which disturbances generated episodes get.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Disturb {
@@ -107,6 +110,7 @@ impl Task {
             | DisturbanceKind::LocalisationJump
             | DisturbanceKind::LightOff => on_the_way,
         };
+        self.time_limit_s += RECOVERY_S;
         self.disturbance = format!("\n[[disturb]]\nkind = \"{}\"\n{when}\n", disturbance.name());
         true
     }

@@ -31,8 +31,13 @@ pub(super) fn find_names(index: usize, home: &Home, knowledge: &Knowledge) -> Ve
     }
     if let Some(support) = object.support {
         let below = &home.objects[support].category;
-        let on_such =
-            |other: usize| home.objects[other].support.is_some_and(|support| home.is_called(support, below, knowledge));
+        // What stands on a shelf may be said to stand on a bookshelf.
+        let on_such = |other: usize| {
+            let may_be = |on: usize| {
+                home.is_called(on, below, knowledge) || home.is_called(support, &home.objects[on].category, knowledge)
+            };
+            home.objects[other].support.is_some_and(may_be)
+        };
         add(format!("{noun} on the {below}"), &|other| called(other) && on_such(other));
         if let Some(color) = &object.color {
             add(format!("{color} {noun} on the {below}"), &|other| called(other) && colored(other) && on_such(other));

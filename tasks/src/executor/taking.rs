@@ -49,7 +49,10 @@ impl Executor {
         let (outcome, grounding) = match thoroughness {
             Some(thoroughness) => {
                 let grounding = match self.find(agent, "grasp", text, thoroughness)? {
-                    Ok(grounding) => grounding,
+                    Ok(again) if again.score < FITS_POORLY && again.score < grounding.score => {
+                        return Ok(no_longer_there(again));
+                    }
+                    Ok(again) => again,
                     Err(refused) => return Ok(*refused),
                 };
                 match grounding.object_id {
@@ -107,9 +110,7 @@ impl Executor {
         // The best of them, if it is not plainly another one.
         let Some((score, best)) = best else { return Ok(settled("grasp", outcome, grounding)) };
         if score < FITS_POORLY {
-            let reason = format!("what was meant is not there any more: the best of its name fits by {score:.2}");
-            let grounding = Some(Grounding { object_id: None, score, ..grounding });
-            return Ok(Done { outcome: StepOutcome::Absent, reason, skill: "grasp", grounding, stage: None });
+            return Ok(no_longer_there(Grounding { score, ..grounding }));
         }
         agent.note(format!("object {} fits best", best.0));
         // What was looked at twice needs no third look.
@@ -160,4 +161,11 @@ impl Executor {
             None => Ok(failed(PLACE, Stage::Grounding, NO_ROOM.into(), Some(found))),
         }
     }
+}
+
+/// What was meant was seen before, and what is left fits the words too poorly to be taken in its place.
+fn no_longer_there(left: Grounding) -> Done {
+    let reason = format!("what was meant is not there any more: the best of its name fits by {:.2}", left.score);
+    let grounding = Some(Grounding { object_id: None, ..left });
+    Done { outcome: StepOutcome::Absent, reason, skill: "grasp", grounding, stage: None }
 }
