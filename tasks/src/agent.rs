@@ -120,6 +120,8 @@ pub struct Agent {
     pub moved: Vec<(ObjectId, Vector3<f64>)>,
     /// Boxes through which the leaf of a door was moved since the last frame, world frame.
     pub swept: Vec<OrientedBox>,
+    /// Objects that were found not to be where the map has them since the last frame.
+    pub missed: Vec<ObjectId>,
     /// What the cameras measured around the base a moment ago.
     pub live: LiveObstacles,
     frames: BTreeMap<String, Seen>,
@@ -188,6 +190,7 @@ impl Agent {
             held_up: None,
             moved: Vec::new(),
             swept: Vec::new(),
+            missed: Vec::new(),
             live: LiveObstacles::default(),
             frames: BTreeMap::new(),
             pace: Pace::default(),

@@ -91,6 +91,7 @@ impl Trial<'_> {
             footprint: Some((Point2::from(base.translation.vector.xy()), radius_m)),
             moved: Vec::new(),
             swept: Vec::new(),
+            missed: Vec::new(),
         };
         self.mapping.observe(&frame, &shown.detections, &carrier);
     }

@@ -18,4 +18,7 @@ pub struct Carrier {
     /// Boxes through which the carrier moved what is no object of its own, such as the leaf of a door, since the last frame: what
     /// stood in there is looked at afresh.
     pub swept: Vec<OrientedBox>,
+    /// Objects that the carrier has found not to be where the map has them: a hand that reaches for a thing in a shelf sees
+    /// past it where rays from farther off meet the shelf right behind.
+    pub missed: Vec<ObjectId>,
 }

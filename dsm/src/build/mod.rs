@@ -162,6 +162,11 @@ impl MapBuilder {
             let Some(object) = draft.edit(*id) else { continue };
             self.tracks.change(*id, |track| track.shift(object, by));
         }
+        // What it found to be gone.
+        for id in &carrier.missed {
+            self.tracks.remove(*id);
+            draft.remove(*id, crate::map::RemovalReason::Absent);
+        }
         // Single view parsing.
         let mut observations = self.parse(frame, detections, carrier);
         ended(Stage::CleanPoints);

@@ -75,5 +75,5 @@ pub use reader::{EmbeddedReader, QueryReader, QueryText};
 pub use referring::RankingWeights;
 pub use scorer::{RelatedCandidate, RelationScorer};
 pub use sequence::split_sequence;
-pub use verify::{EmbeddedVerifier, Evidence, Verdict, Verifier};
+pub use verify::{EmbeddedVerifier, Evidence, Verdict, Verifier, find_color_share};
 pub use views::{CandidateViews, Levels};

@@ -11,6 +11,17 @@ use std::sync::Arc;
 /// Name of the backends that need no model.
 pub(super) const EMBEDDED: &str = "embedded";
 
+/// Share of the pixels that look like a colour, 0 to 1; `None` for too few pixels.
+pub fn find_color_share(knowledge: &Knowledge, asked: &str, pixels: impl Iterator<Item = [u8; 3]>) -> Option<f32> {
+    let prototypes = color::Prototypes::of(knowledge.words());
+    let (mut fitting, mut all) = (0_usize, 0_usize);
+    for pixel in pixels {
+        all += 1;
+        fitting += usize::from(prototypes.fit(asked, pixel.map(f64::from)) > PIXEL_FIT);
+    }
+    (all >= SEEN_PIXELS).then(|| fitting as f32 / all as f32)
+}
+
 /// What a verifier says of one candidate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
@@ -100,14 +111,8 @@ impl EmbeddedVerifier {
 
     /// Share of the candidate's pixels that look like the colour; `None` when it is not seen.
     fn color_share(&self, views: &CandidateViews, asked: &str) -> Option<f32> {
-        let prototypes = color::Prototypes::of(self.knowledge.words());
         let own = views.object.labels.iter().zip(&views.object.color).filter(|(label, _)| **label == 1);
-        let (mut fitting, mut all) = (0_usize, 0_usize);
-        for (_, pixel) in own {
-            all += 1;
-            fitting += usize::from(prototypes.fit(asked, pixel.map(f64::from)) > PIXEL_FIT);
-        }
-        (all >= SEEN_PIXELS).then(|| fitting as f32 / all as f32)
+        find_color_share(&self.knowledge, asked, own.map(|(_, pixel)| *pixel))
     }
 
     /// Judges one candidate.

@@ -97,6 +97,7 @@ impl Agent {
             )),
             moved: Vec::new(),
             swept: Vec::new(),
+            missed: Vec::new(),
         };
         self.journal.note_frame(&frame, &world_from_base);
         (self.on_frame)(&Moment { frame: &frame, map: &self.map, journal: &self.journal });
@@ -110,6 +111,7 @@ impl Agent {
         }
         carrier.moved = std::mem::take(&mut self.moved);
         carrier.swept = std::mem::take(&mut self.swept);
+        carrier.missed = std::mem::take(&mut self.missed);
         Ok(self.perception.submit(frame, carrier)?)
     }
 

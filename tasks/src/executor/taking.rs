@@ -3,7 +3,7 @@
 use super::{Done, Executor, NO_ROOM, PLACE, failed, settled};
 use crate::agent::{Agent, Halt};
 use crate::skills::Outcome;
-use crate::skills::meaning::{FITS, FITS_POORLY, Meaning, find_rivals};
+use crate::skills::meaning::{FITS, FITS_POORLY, Fit, Meaning, find_rivals};
 use crate::skills::navigate::navigate_to_object;
 use crate::skills::regrip::grasp;
 use crate::skills::search::Thoroughness;
@@ -79,48 +79,66 @@ impl Executor {
         outcome: Outcome,
     ) -> Result<Done, Halt> {
         agent.note("looks for what was meant among the others of its name");
-        if find_rivals(agent.map(), id).is_empty()
-            && let Err(refused) = self.find(agent, "grasp", text, Thoroughness::Everything)?
-        {
-            return Ok(*refused);
+        let meaning = Meaning::new(&self.grounder, &self.knowledge, text);
+        let mut best: Option<(Fit, ObjectId)> = None;
+        // The hand's own shadow may have deceived: first what stood there, from a step back.
+        let mut looked = Vec::new();
+        let mut next = vec![id];
+        for is_last in [false, true] {
+            next.extend(self.find_unseen_rivals(agent, id, &looked)?);
+            for other in std::mem::take(&mut next) {
+                if looked.contains(&other) {
+                    continue;
+                }
+                looked.push(other);
+                if !matches!(navigate_to_object(agent, &self.nav, other, None)?, Outcome::Done(_)) {
+                    continue;
+                }
+                let Some(fit) = meaning.find_fit(agent, "head", other)? else { continue };
+                agent.note(format!("object {} fits by {:.2} as it looks now", other.0, fit.rank()));
+                if best.is_none_or(|(most, _)| fit.rank() > most.rank()) {
+                    best = Some((fit, other));
+                }
+                if fit.rank() >= FITS {
+                    break;
+                }
+            }
+            if is_last || self.explorer.is_complete() || best.is_some_and(|(most, _)| most.rank() >= FITS) {
+                break;
+            }
+            // It may stand where nobody has looked yet.
+            agent.note("explores on: none of them is it");
+            if let Ok(Grounding { object_id: Some(found), .. }) =
+                self.find(agent, "grasp", text, Thoroughness::Everything)?
+                && !looked.contains(&found)
+            {
+                next.push(found);
+            }
         }
+        // The best of them, if it is not plainly another one.
+        let Some((Fit { score, .. }, best)) = best else { return Ok(settled("grasp", outcome, grounding)) };
+        if score < FITS_POORLY {
+            return Ok(no_longer_there(Grounding { score, ..grounding }));
+        }
+        agent.note(format!("object {} fits best", best.0));
+        // What was looked at from near needs no other look.
+        let grasped = grasp(agent, &self.nav, &self.grasping, best, None)?;
+        let outcome = self.weigh(agent, grasped)?;
+        Ok(settled("grasp", outcome, Grounding { object_id: Some(best), score, ..grounding }))
+    }
+
+    /// Others of its name that were not looked at, the nearest first.
+    fn find_unseen_rivals(&self, agent: &mut Agent, id: ObjectId, looked: &[ObjectId]) -> Result<Vec<ObjectId>, Halt> {
         let here = agent.world_from_base()?.translation.vector.xy();
         let map = agent.map().clone();
         let away_m = |other: &ObjectId| {
             map.find_object(*other).map_or(f64::INFINITY, |object| (object.bounds.center.coords.xy() - here).norm())
         };
         let mut rivals = find_rivals(&map, id);
+        rivals.retain(|other| !looked.contains(other));
         rivals.sort_by(|a, b| away_m(a).total_cmp(&away_m(b)).then(a.cmp(b)));
-        let meaning = Meaning::new(&self.grounder, &self.knowledge, text);
-        let mut best: Option<(f32, ObjectId)> = None;
-        // The hand's own shadow may have deceived: first what stood there, from a step back.
-        for other in [id].into_iter().chain(rivals.into_iter().take(MOST_RIVALS)) {
-            if !matches!(navigate_to_object(agent, &self.nav, other, None)?, Outcome::Done(_)) {
-                continue;
-            }
-            let Some(score) = meaning.score_now(agent, "head", other)? else { continue };
-            agent.note(format!("object {} fits by {score:.2} as it looks now", other.0));
-            if best.is_none_or(|(most, _)| score > most) {
-                best = Some((score, other));
-            }
-            if score >= FITS {
-                break;
-            }
-        }
-        // The best of them, if it is not plainly another one.
-        let Some((score, best)) = best else { return Ok(settled("grasp", outcome, grounding)) };
-        if score < FITS_POORLY {
-            return Ok(no_longer_there(Grounding { score, ..grounding }));
-        }
-        agent.note(format!("object {} fits best", best.0));
-        // What was looked at twice needs no third look.
-        let outcome = if best == id || score < FITS {
-            let grasped = grasp(agent, &self.nav, &self.grasping, best, None)?;
-            self.weigh(agent, grasped)?
-        } else {
-            self.grasp_and_weigh(agent, best, text)?
-        };
-        Ok(settled("grasp", outcome, Grounding { object_id: Some(best), score, ..grounding }))
+        rivals.truncate(MOST_RIVALS);
+        Ok(rivals)
     }
 
     fn grasp_and_weigh(&mut self, agent: &mut Agent, id: ObjectId, text: &str) -> Result<Outcome, Halt> {

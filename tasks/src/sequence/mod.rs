@@ -70,19 +70,21 @@ pub(crate) struct CarrierLine {
     pub(crate) moved: Vec<(ObjectId, Vector3<f64>)>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) swept: Vec<OrientedBox>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) missed: Vec<ObjectId>,
 }
 
 impl From<&Carrier> for CarrierLine {
     fn from(carrier: &Carrier) -> Self {
-        let Carrier { bodies, footprint, moved, swept } = carrier.clone();
-        Self { bodies, footprint, moved, swept }
+        let Carrier { bodies, footprint, moved, swept, missed } = carrier.clone();
+        Self { bodies, footprint, moved, swept, missed }
     }
 }
 
 impl From<CarrierLine> for Carrier {
     fn from(line: CarrierLine) -> Self {
-        let CarrierLine { bodies, footprint, moved, swept } = line;
-        Self { bodies, footprint, moved, swept }
+        let CarrierLine { bodies, footprint, moved, swept, missed } = line;
+        Self { bodies, footprint, moved, swept, missed }
     }
 }
 

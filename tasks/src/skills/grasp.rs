@@ -243,22 +243,17 @@ pub(super) fn try_grasp(
         lifted => lifted,
     };
     let mut verified = verify(agent, settings, &before, lifted)?;
-    if let Ok(Lifted { sagged_m, .. }) = verified
+    if let Ok(Lifted { sagged_m: None, .. }) = verified {
+        // The arm hides whether it slipped: as high as if it had.
+        agent.log("the arm hides where it was: lifts on");
+        raise_by(agent, task, &reach.joints, HIDDEN_LIFT_M)?;
+        verified = verify(agent, settings, &before, lifted)?;
+    }
+    if let Ok(Lifted { sagged_m: Some(sagged_m), .. }) = verified
         && sagged_m > 0.0
     {
         agent.note(format!("it slipped by {:.0} mm in the hand: lifts on", 1e3 * sagged_m));
-        let (model, configuration) = (agent.model().clone(), agent.configuration()?);
-        let tool_now = model.kinematics.root_from_link(&configuration, model.tool);
-        let up = ToolMove {
-            goal: Translation3::new(0.0, 0.0, sagged_m) * tool_now,
-            obstacles: &obstacles,
-            touching: &fingers,
-            speed_m_per_s: settings.approach_speed_m_per_s,
-            posture: Some(&reach.joints),
-            give_up_after: STUCK_AFTER,
-            clearance_m: None,
-        };
-        let raised = move_tool(agent, &up)?;
+        let raised = raise_by(agent, task, &reach.joints, sagged_m + SAG_ERROR_M)?;
         verified = verify(agent, settings, &before, raised)?;
     }
     if matches!(verified, Err((Stage::Hold, _))) {
@@ -267,6 +262,10 @@ pub(super) fn try_grasp(
     Ok(verified.map(|lifted| format!("lifted; {:.0} mm between the fingers", 1e3 * lifted.width_m)))
 }
 
+/// What slips is held again after a part of the lift: so much higher is a thing that slipped unseen, metres.
+const HIDDEN_LIFT_M: f64 = 0.08;
+/// Error of the lower end of what hangs in the hand, metres.
+const SAG_ERROR_M: f64 = 0.03;
 /// A lift that ends by more than this too low is not done, metres.
 const LIFT_LEFT_M: f64 = 0.03;
 
@@ -281,12 +280,17 @@ fn lift_behind(
     const BACK_M_PER_S: f64 = 0.06;
     agent.log(format!("{left_m:.2} m short of the lift: backs off with it"));
     back_off(agent, BACK_M, BACK_M_PER_S)?;
+    raise_by(agent, task, joints, left_m)
+}
+
+/// Raises what is held.
+fn raise_by(agent: &mut Agent, task: &GraspTask<'_>, joints: &JointPositions, by_m: f64) -> Result<ArmOutcome, Halt> {
     let (model, configuration) = (agent.model().clone(), agent.configuration()?);
     let world_from_base = agent.world_from_base()?;
     let id = task.target.id();
     let obstacles = find_obstacles(&task.target.in_map(agent.map()), Some(&agent.live), &world_from_base, Some(id));
     let up = ToolMove {
-        goal: Translation3::new(0.0, 0.0, left_m) * model.kinematics.root_from_link(&configuration, model.tool),
+        goal: Translation3::new(0.0, 0.0, by_m) * model.kinematics.root_from_link(&configuration, model.tool),
         obstacles: &obstacles,
         touching: &finger_links(&model),
         speed_m_per_s: task.settings.approach_speed_m_per_s,

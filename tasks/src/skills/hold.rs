@@ -16,8 +16,9 @@ use std::sync::Arc;
 pub(super) struct Lifted {
     /// Between the fingers, metres.
     pub(super) width_m: f64,
-    /// How far the object hangs lower than the hand went up, as its lower end is seen, metres.
-    pub(super) sagged_m: f64,
+    /// How far the object hangs lower than the hand went up, as its lower end is seen, metres; `None` when the arm hides
+    /// where it was.
+    pub(super) sagged_m: Option<f64>,
 }
 
 /// A lower end that is seen so little is noise.
@@ -50,10 +51,12 @@ pub(super) fn verify(
     let vacated_z_m = bottom_z_m + settings.planner.lift_m - BELOW_M;
     let left: Vec<Point3<f64>> = before.iter().filter(|p| p.z < vacated_z_m).copied().collect();
     let still_there = share_still_there(agent, &left);
-    if still_there > 0.5 {
-        return Ok(Err((Stage::Grasp, format!("{:.0} % of the object is seen where it was", 100.0 * still_there))));
+    if let Some(share) = still_there
+        && share > 0.5
+    {
+        return Ok(Err((Stage::Grasp, format!("{:.0} % of the object is seen where it was", 100.0 * share))));
     }
-    let sagged_m = sag_m(still_there, settings.planner.lift_m);
+    let sagged_m = still_there.map(|share| sag_m(share, settings.planner.lift_m));
     Ok(Ok(Lifted { width_m, sagged_m }))
 }
 
@@ -83,10 +86,11 @@ pub(super) fn close(agent: &mut Agent, settings: &GraspSettings) -> Result<f64, 
     Ok(agent.grip_state()?.width_m)
 }
 
-/// The share of the object's points, as they were before the grasp, that the newest head frame still sees there.
-fn share_still_there(agent: &Agent, before: &[Point3<f64>]) -> f64 {
+/// The share of the object's points, as they were before the grasp, that the newest head frame still sees there; `None`
+/// when it sees almost nothing of the place.
+fn share_still_there(agent: &Agent, before: &[Point3<f64>]) -> Option<f64> {
     const SAME_M: f64 = 0.025;
-    let Some(seen) = agent.find_frame("head") else { return 0.0 };
+    let Some(seen) = agent.find_frame("head") else { return None };
     let frame: &Arc<dsm::frame::RgbdFrame> = &seen.frame;
     let camera_from_world = frame.world_from_camera.inverse();
     let (mut there, mut visible) = (0_usize, 0_usize);
@@ -101,8 +105,7 @@ fn share_still_there(agent: &Agent, before: &[Point3<f64>]) -> f64 {
         visible += 1;
         there += usize::from(depth_m < p.z + SAME_M);
     }
-    // With almost nothing in view the width alone decides.
-    if visible < 20 { 0.0 } else { there as f64 / visible as f64 }
+    (visible >= 20).then(|| there as f64 / visible as f64)
 }
 
 /// The points of an object that the hand takes with it: a cloud that holds some of the shelf says nothing about a lift.

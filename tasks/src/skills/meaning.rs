@@ -7,7 +7,7 @@
 
 use crate::agent::{Agent, Halt};
 use dsm::frame::RgbdFrame;
-use dsm::ground::{AttributeWord, Grounder, Grounding};
+use dsm::ground::{AttributeWord, Grounder, Grounding, find_color_share};
 use dsm::knowledge::Knowledge;
 use dsm::map::{Attributes, Map, MapChange, MapObject, MapPoint, MapUpdate, ObjectId};
 use dsm::perceive::{AttributeVote, Describer, KnowledgeDescriber, ObjectView};
@@ -30,6 +30,11 @@ const MOST_POINTS: usize = 400;
 /// have been put in the place of.
 const KEPT_SHARE: f32 = 0.6;
 const KEPT_SHARE_ALONE: f32 = 0.45;
+/// A thing that looked like the colour that is said keeps this share of it: a white pot with brown soil in it shows some
+/// brown where a brown one stood.
+const KEPT_COLOR_SHARE: f32 = 0.6;
+/// From such a share of its pixels a thing is of the colour that is said.
+const COLORED_SHARE: f32 = 0.5;
 /// What is taken in its place fits the words at least so well; the best of several that do not, this well.
 pub(crate) const FITS: f32 = 0.5;
 pub(crate) const FITS_POORLY: f32 = 0.35;
@@ -39,14 +44,31 @@ pub(crate) const FITS_POORLY: f32 = 0.35;
 pub struct Meaning {
     grounder: Arc<Grounder>,
     describer: Arc<KnowledgeDescriber>,
+    knowledge: Arc<Knowledge>,
     text: String,
+}
+
+/// How well a thing fits the words as it looks now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Fit {
+    /// Score of the grounding.
+    pub(crate) score: f32,
+    /// Share of its pixels that look like the colour that is said; `None` when none is, or too little is seen.
+    color_share: Option<f32>,
+}
+
+impl Fit {
+    /// What ranks several: the score, less where little of the thing has the colour that is said.
+    pub(crate) fn rank(self) -> f32 {
+        self.score * self.color_share.map_or(1.0, |share| (share / COLORED_SHARE).min(1.0))
+    }
 }
 
 impl Meaning {
     /// The meaning of a text.
     pub fn new(grounder: &Arc<Grounder>, knowledge: &Arc<Knowledge>, text: &str) -> Self {
         let describer = Arc::new(KnowledgeDescriber::new(knowledge.clone()));
-        Self { grounder: grounder.clone(), describer, text: text.to_owned() }
+        Self { grounder: grounder.clone(), describer, knowledge: knowledge.clone(), text: text.to_owned() }
     }
 
     /// Why the object that the wrist camera looks at is no longer what the words mean; `None` while nothing speaks against
@@ -57,16 +79,32 @@ impl Meaning {
         if !speaks_of_looks(&before) {
             return Ok(None);
         }
-        let Some(now) = self.score_now(agent, "wrist", id)? else { return Ok(None) };
-        let before = score_of(&before, id);
-        let seen = format!("fits `{}` by {now:.2} as it looks now, by {before:.2} as the map has it", self.text);
+        let Some(now) = self.find_fit(agent, "wrist", id)? else { return Ok(None) };
+        let known = map.find_object(id).map_or(&[][..], |object| &object.points);
+        let before = Fit { score: score_of(&before, id), color_share: self.find_color_share(&before, known) };
+        let colors = match (now.color_share, before.color_share) {
+            (Some(now), Some(before)) => {
+                format!(" ({:.0} % of it has that colour now, {:.0} % had it)", 100.0 * now, 100.0 * before)
+            }
+            _ => String::new(),
+        };
+        let scores = format!("by {:.2} as it looks now, by {:.2} as the map has it", now.score, before.score);
+        let seen = format!("fits `{}` {scores}{colors}", self.text);
         agent.log(format!("object {} {seen}", id.0));
-        let kept = if find_rivals(&map, id).is_empty() { KEPT_SHARE_ALONE } else { KEPT_SHARE };
-        Ok((now < kept * before).then(|| format!("what stands there is not what was meant: it {seen}")))
+        let is_alone = find_rivals(&map, id).is_empty();
+        Ok(contradicts(now, before, is_alone).then(|| format!("what stands there is not what was meant: it {seen}")))
+    }
+
+    /// Share of points that look like the colours that are said, the least of them.
+    fn find_color_share(&self, answer: &Grounding, points: &[MapPoint]) -> Option<f32> {
+        let terms = answer.query.iter().flat_map(|query| &query.target.attributes);
+        let colors = terms.filter(|term| term.kind == AttributeWord::Color && !term.negated);
+        let share = |word: &str| find_color_share(&self.knowledge, word, points.iter().map(|point| point.color));
+        colors.filter_map(|term| share(&term.word)).reduce(f32::min)
     }
 
     /// How well an object fits the words by what the newest frames of a camera show of it; `None` when they show too little.
-    pub(crate) fn score_now(&self, agent: &mut Agent, camera: &str, id: ObjectId) -> Result<Option<f32>, Halt> {
+    pub(crate) fn find_fit(&self, agent: &mut Agent, camera: &str, id: ObjectId) -> Result<Option<Fit>, Halt> {
         let mut look = Look::default();
         let is_watched = agent.watched.iter().any(|watched| watched == camera);
         if !is_watched {
@@ -92,8 +130,18 @@ impl Meaning {
         let grounder = self.grounder.clone();
         let text = self.text.clone();
         let answer = agent.plan(move || grounder.ground(&changed, &text, None))?;
-        Ok(Some(score_of(&answer, id)))
+        Ok(Some(Fit { score: score_of(&answer, id), color_share: self.find_color_share(&answer, &look.points) }))
     }
+}
+
+/// Whether what stands there lost too much of what the words meant.
+fn contradicts(now: Fit, before: Fit, is_alone: bool) -> bool {
+    let kept = if is_alone { KEPT_SHARE_ALONE } else { KEPT_SHARE };
+    let faded = match (now.color_share, before.color_share) {
+        (Some(now), Some(before)) => !is_alone && before >= COLORED_SHARE && now < KEPT_COLOR_SHARE * before,
+        _ => false,
+    };
+    faded || now.score < kept * before.score
 }
 
 /// Others of the object's name, in order of identity.
@@ -183,6 +231,15 @@ mod tests {
         let kind = AttributeKind::Appearance;
         let vote = AttributeVote { kind, key: "color", word: color.into(), weight: 1.0 };
         Look { votes: vec![vote], points: Vec::new() }
+    }
+
+    #[test]
+    fn a_white_pot_with_brown_soil_is_not_the_brown_pot() {
+        let fit = |share| Fit { score: 1.0, color_share: Some(share) };
+        assert!(contradicts(fit(0.4), fit(0.95), false) && fit(0.2).rank() < FITS);
+        assert!(!contradicts(fit(0.7), fit(0.95), false) && fit(0.7).rank() == 1.0);
+        assert!(!contradicts(fit(0.4), fit(0.95), true), "nothing could have been put in its place");
+        assert!(!contradicts(fit(0.2), fit(0.4), false), "it never had much of that colour");
     }
 
     #[test]

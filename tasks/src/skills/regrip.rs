@@ -10,10 +10,14 @@ use super::target::Target;
 use crate::agent::{Agent, Halt};
 use crate::summary::Stage;
 use dsm::map::ObjectId;
+use dsm::time::Span;
 use dsm_robot::nav::NavConfig;
 
 /// So often a thing that slipped out of the hand is looked for and grasped again.
 const MAX_REGRIPS: usize = 2;
+/// After so many vain attempts a thing that nobody sees is not there, and the map has it no more after this time.
+const MISSED: usize = 2;
+const FORGOTTEN_AFTER: Span = Span(1_500_000_000);
 
 /// What a grasp came to.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,7 +70,9 @@ fn grasp_until_held(
     let mut last = (Stage::Planning, "no attempt was made".to_owned());
     let mut slipped_z_m = Vec::new();
     let (mut attempt, mut attempts, mut regrips) = (0, 0, 0);
+    let mut missed = 0;
     while attempt < settings.max_attempts {
+        let began = agent.now();
         let task = GraspTask { nav, settings, target: &target, meaning };
         let (stage, reason) = match try_grasp(agent, &task, attempt, &mut slipped_z_m)? {
             Ok(reason) => return Ok(Grasped { outcome: Outcome::Done(reason), standing }),
@@ -79,6 +85,10 @@ fn grasp_until_held(
             Stage::Planning => reason == NO_PLACE,
             _ => false,
         };
+        // The hand was there and did not find it, and no camera saw it meanwhile.
+        missed += usize::from(stage == Stage::Grasp);
+        let unseen = agent.map().find_object(target.id()).is_some_and(|object| object.last_seen < began);
+        let is_missing = missed >= MISSED && unseen;
         let slipped = stage == Stage::Hold && agent.grip_state()?.width_m < settings.min_width_m;
         last = (stage, reason);
         if ends {
@@ -102,6 +112,12 @@ fn grasp_until_held(
         }
         if last.0 == Stage::Grounding {
             break;
+        }
+        if is_missing {
+            agent.note(format!("object {} is not where the map has it", target.id().0));
+            agent.missed.push(target.id());
+            // Until a frame took it out of the map.
+            agent.rest(FORGOTTEN_AFTER)?;
         }
         if agent.map().find_object(target.id()).is_none() {
             // A nearer look made another object of it: that is for whoever knows the words.

@@ -1,6 +1,6 @@
 //! Getting away from where the hand was: back with arm and base, and the arm folded.
 
-use super::arm::{STUCK_AFTER, ToolMove, fold, move_tool};
+use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_tool};
 use super::grasp::UNFOLD;
 use super::obstacles::{find_obstacles, leave_out_overlaps};
 use crate::agent::{Agent, Halt};
@@ -13,6 +13,7 @@ use nalgebra::{Point3, Translation3};
 /// Opens the hand, backs off with arm and base, and folds the arm, best effort.
 pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
     const BACK_M: f64 = 0.45;
+    const AGAIN_M: f64 = 0.2;
     /// What the arm brushes on its way out, where no camera looks, it brushes slowly.
     const SPEED_M_PER_S: f64 = 0.09;
     const BACK_M_PER_S: f64 = 0.06;
@@ -36,11 +37,16 @@ pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
         clearance_m: None,
     };
     move_tool(agent, &back)?;
-    back_off(agent, BACK_M, SPEED_M_PER_S)?;
-    let world_from_base = agent.world_from_base()?;
-    let mut obstacles = find_obstacles(agent.map(), Some(&agent.live), &world_from_base, None);
-    leave_out_overlaps(&model, &agent.configuration()?, &mut obstacles);
-    fold(agent, UNFOLD, &obstacles)?;
+    // An arm that sticks out would sweep along walls later: farther back there is room to fold it.
+    for back_m in [BACK_M, AGAIN_M, AGAIN_M] {
+        back_off(agent, back_m, SPEED_M_PER_S)?;
+        let world_from_base = agent.world_from_base()?;
+        let mut obstacles = find_obstacles(agent.map(), Some(&agent.live), &world_from_base, None);
+        leave_out_overlaps(&model, &agent.configuration()?, &mut obstacles);
+        if fold(agent, UNFOLD, &obstacles)? == ArmOutcome::Reached {
+            break;
+        }
+    }
     Ok(())
 }
 
