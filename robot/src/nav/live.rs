@@ -35,6 +35,10 @@ pub struct LiveConfig {
     /// Braking that the speed allows for, m/s^2. Default 0.5, range 0.05 to 5.
     #[schemars(range(min = 0.05, max = 5.0))]
     pub braking_m_per_s2: f64,
+    /// What the map does not show may come so much nearer while no camera looks at it, m/s: people walk. Default 0.6,
+    /// range 0 to 3.
+    #[schemars(range(min = 0.0, max = 3.0))]
+    pub approach_m_per_s: f64,
     /// Distance that is never driven up to, metres. Default 0.015, range 0 to 0.3.
     #[schemars(range(min = 0.0, max = 0.3))]
     pub margin_m: f64,
@@ -49,6 +53,7 @@ impl Default for LiveConfig {
             min_points: 3,
             memory_s: 4.0,
             braking_m_per_s2: 0.5,
+            approach_m_per_s: 0.6,
             margin_m: 0.015,
         }
     }
@@ -155,17 +160,26 @@ impl LiveObstacles {
         self.cells.keys().map(|cell| center_of(*cell))
     }
 
-    /// What holds a round base of `radius_m` back when it drives straight on.
-    pub fn find_speed_limits(&self, world_from_base: &Pose, radius_m: f64, config: &LiveConfig) -> SpeedLimits {
+    /// What holds a round base of `radius_m` back when it drives straight on. What is not `known` to stand there may have
+    /// come nearer since it was seen.
+    pub fn find_speed_limits(
+        &self,
+        (now, world_from_base): (Stamp, &Pose),
+        radius_m: f64,
+        known: &dyn Fn(&Point2<f64>) -> bool,
+        config: &LiveConfig,
+    ) -> SpeedLimits {
         const LOOK_AHEAD_M: f64 = 1.0;
+        /// Frames come at such intervals: what is no older was seen just now.
+        const JUST_NOW: Span = Span(300_000_000);
         let kept_m = radius_m + config.margin_m;
         let base_from_world = world_from_base.inverse();
         let here = Point2::from(world_from_base.translation.vector.xy());
-        let reach_m = LOOK_AHEAD_M + kept_m;
+        let reach_m = LOOK_AHEAD_M + kept_m + config.approach_m_per_s * config.memory_s;
         let low = cell_of(&Point2::new(here.x - reach_m, here.y - reach_m));
         let high = cell_of(&Point2::new(here.x + reach_m, here.y + reach_m));
         let mut nearest = [(LOOK_AHEAD_M, None); 2];
-        for cell in self.cells.range([low[0], i32::MIN]..=[high[0], i32::MAX]).map(|(cell, _)| cell) {
+        for (cell, seen) in self.cells.range([low[0], i32::MIN]..=[high[0], i32::MAX]) {
             if cell[1] < low[1] || cell[1] > high[1] {
                 continue;
             }
@@ -176,7 +190,12 @@ impl LiveObstacles {
             if point.x.hypot(point.y) < radius_m - IMPOSSIBLE_M || chord <= 0.0 {
                 continue;
             }
-            let way_m = (point.x.abs() - chord.sqrt()).max(0.0);
+            let unseen = Span((now.0 - seen.0 - JUST_NOW.0).max(0));
+            let nearer_m = config.approach_m_per_s * unseen.as_s();
+            let way_m = point.x.abs() - chord.sqrt();
+            let nearer_m =
+                if way_m - nearer_m < LOOK_AHEAD_M && nearer_m > 0.0 && !known(&place) { nearer_m } else { 0.0 };
+            let way_m = (way_m - nearer_m).max(0.0);
             let side = &mut nearest[usize::from(point.x < 0.0)];
             if way_m < side.0 {
                 *side = (way_m, Some(place));
@@ -253,7 +272,22 @@ mod tests {
 
     fn limits(live: &LiveObstacles, yaw_rad: f64) -> SpeedLimits {
         let pose = Pose::from_parts(Translation3::identity(), UnitQuaternion::from_euler_angles(0.0, 0.0, yaw_rad));
-        live.find_speed_limits(&pose, 0.27, &LiveConfig::default())
+        live.find_speed_limits((Stamp(0) + Span::from_s(1.0), &pose), 0.27, &|_| false, &LiveConfig::default())
+    }
+
+    #[test]
+    fn what_nobody_looks_at_may_come_nearer() {
+        let mut live = LiveObstacles::default();
+        live.observe(&frame(1.0), &[], &LiveConfig::default());
+        let after = |s: f64, known: bool| {
+            let now = Stamp(0) + Span::from_s(1.0 + s);
+            live.find_speed_limits((now, &Pose::identity()), 0.27, &|_| known, &LiveConfig::default()).forward_m_per_s
+        };
+        let way_m = 1.2 - 0.285;
+        assert!((after(1.3, false) - (2.0 * 0.5 * (way_m - 0.6_f64)).sqrt()).abs() < 0.03, "{}", after(1.3, false));
+        assert_eq!(after(0.2, false), after(0.0, false), "it was seen just now");
+        assert_eq!(after(1.3, true), after(0.0, true), "walls stay where they are");
+        assert!(after(2.5, false) < 0.01);
     }
 
     #[test]

@@ -1,13 +1,14 @@
 //! Driving to a pose: plan, follow, plan again while driving.
 
 use crate::agent::{Agent, Halt};
+use dsm::Pose;
 use dsm::map::{CellState, FreeSpace, Map, MapObject};
 use dsm::time::{Span, Stamp};
 use dsm_robot::drivers::Twist;
 use dsm_robot::joints::JointVelocities;
 use dsm_robot::nav::{
-    BlockReason, Costmap, FollowStatus, Follower, LiveObstacles, NavConfig, Path, PlanFailure, Pose2, find_path,
-    wrap_angle,
+    BlockReason, Costmap, FollowStatus, Follower, LiveObstacles, NavConfig, Path, PlanFailure, Pose2, SpeedLimits,
+    find_path, wrap_angle,
 };
 use nalgebra::{Point2, Point3, Vector2};
 use std::sync::Arc;
@@ -116,7 +117,7 @@ impl<'a> Drive<'a> {
             }
             let world_from_base = agent.world_from_base()?;
             let velocity = agent.base_velocity()?;
-            let limits = agent.live.find_speed_limits(&world_from_base, costmap.footprint_radius_m(), &self.nav.live);
+            let limits = find_speed_limits(agent, &world_from_base, costmap.footprint_radius_m(), &self.nav);
             let output = follower.tick(&world_from_base, velocity, &costmap, &limits, agent.period().as_s());
             let sent = agent.slowed(output.twist)?;
             follower.note_sent(sent);
@@ -241,7 +242,7 @@ pub fn step_to(agent: &mut Agent, nav: &NavConfig, stand: &Pose2, speed_m_per_s:
             agent.rest(Span::from_s(0.2))?;
             return Ok(DriveOutcome::Arrived);
         }
-        let limits = agent.live.find_speed_limits(&world_from_base, radius_m, &nav.live);
+        let limits = find_speed_limits(agent, &world_from_base, radius_m, nav);
         let braking = (2.0 * BRAKING_M_PER_S2 * left_m).sqrt();
         let forward_m_per_s = speed_m_per_s.min(braking).min(limits.forward_m_per_s);
         if forward_m_per_s < STANDS_M_PER_S {
@@ -264,15 +265,25 @@ pub fn step_to(agent: &mut Agent, nav: &NavConfig, stand: &Pose2, speed_m_per_s:
     Ok(DriveOutcome::TimeUp)
 }
 
-/// Adds what the cameras see now and the map does not show yet. What lies beside a mapped obstacle is the same one, seen
-/// from a pose that wandered: it must not close a door.
+/// What the cameras showed a moment ago holds the base back.
+fn find_speed_limits(agent: &mut Agent, world_from_base: &Pose, radius_m: f64, nav: &NavConfig) -> SpeedLimits {
+    let now = agent.now();
+    let floor = &agent.map().free_space;
+    let known = |place: &Point2<f64>| is_mapped(floor, floor.cell_at(place));
+    agent.live.find_speed_limits((now, world_from_base), radius_m, &known, &nav.live)
+}
+
+/// What lies beside a mapped obstacle is the same one, seen from a pose that wandered.
+fn is_mapped(floor: &FreeSpace, [x, y]: [i32; 2]) -> bool {
+    let mut around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]));
+    around.any(|cell| floor.state(cell) == CellState::Occupied)
+}
+
+/// Adds what the cameras see now and the map does not show yet; what is mapped must not close a door.
 fn add_unmapped(floor: &mut FreeSpace, live: &LiveObstacles) {
     let mut unmapped: Vec<[i32; 2]> = live.points().map(|point| floor.cell_at(&point)).collect();
     unmapped.dedup();
-    unmapped.retain(|&[x, y]| {
-        let mut around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]));
-        !around.any(|cell| floor.state(cell) == CellState::Occupied)
-    });
+    unmapped.retain(|cell| !is_mapped(floor, *cell));
     for cell in unmapped {
         floor.set(cell, CellState::Occupied);
     }

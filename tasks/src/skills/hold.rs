@@ -90,7 +90,7 @@ pub(super) fn close(agent: &mut Agent, settings: &GraspSettings) -> Result<f64, 
 /// when it sees almost nothing of the place.
 fn share_still_there(agent: &Agent, before: &[Point3<f64>]) -> Option<f64> {
     const SAME_M: f64 = 0.025;
-    let Some(seen) = agent.find_frame("head") else { return None };
+    let seen = agent.find_frame("head")?;
     let frame: &Arc<dsm::frame::RgbdFrame> = &seen.frame;
     let camera_from_world = frame.world_from_camera.inverse();
     let (mut there, mut visible) = (0_usize, 0_usize);
