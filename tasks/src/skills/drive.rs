@@ -117,7 +117,7 @@ impl<'a> Drive<'a> {
             }
             let world_from_base = agent.world_from_base()?;
             let velocity = agent.base_velocity()?;
-            let limits = find_speed_limits(agent, &world_from_base, costmap.footprint_radius_m(), &self.nav);
+            let limits = find_speed_limits(agent, &world_from_base, costmap.footprint_radius_m(), self.nav);
             let output = follower.tick(&world_from_base, velocity, &costmap, &limits, agent.period().as_s());
             let sent = agent.slowed(output.twist)?;
             follower.note_sent(sent);
