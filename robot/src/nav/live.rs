@@ -193,9 +193,8 @@ impl LiveObstacles {
             let unseen = Span((now.0 - seen.0 - JUST_NOW.0).max(0));
             let nearer_m = config.approach_m_per_s * unseen.as_s();
             let way_m = point.x.abs() - chord.sqrt();
-            let nearer_m =
-                if way_m - nearer_m < LOOK_AHEAD_M && nearer_m > 0.0 && !known(&place) { nearer_m } else { 0.0 };
-            let way_m = (way_m - nearer_m).max(0.0);
+            let has_come = nearer_m > 0.0 && way_m - nearer_m < LOOK_AHEAD_M && !known(&place);
+            let way_m = if has_come { way_m - nearer_m } else { way_m }.max(0.0);
             let side = &mut nearest[usize::from(point.x < 0.0)];
             if way_m < side.0 {
                 *side = (way_m, Some(place));

@@ -110,7 +110,6 @@ impl Executor {
             agent.note("explores on: none of them is it");
             if let Ok(Grounding { object_id: Some(found), .. }) =
                 self.find(agent, "grasp", text, Thoroughness::Everything)?
-                && !looked.contains(&found)
             {
                 next.push(found);
             }
