@@ -277,6 +277,11 @@ impl Agent {
         self.touch.take()
     }
 
+    /// What the joints of the arm lag behind what was sent to them, radians or metres.
+    pub(crate) fn joint_lags(&self) -> &[f64] {
+        self.touch.joint_lags()
+    }
+
     /// What a tick sends of a motion of the base alone.
     pub fn slowed(&mut self, base: Twist) -> Result<Twist, Halt> {
         let still = JointVelocities::zeros(&self.model.arm.joints);

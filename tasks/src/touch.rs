@@ -58,6 +58,11 @@ impl Touch {
             || self.joints.iter().zip(bounds).any(|(lag, bound)| lag.abs() > bound);
     }
 
+    /// What the joints of the arm lag behind now, radians or metres; empty before the first note.
+    pub(crate) fn joint_lags(&self) -> &[f64] {
+        &self.joints
+    }
+
     /// Whether something was touched since this was last asked.
     pub(crate) fn take(&mut self) -> bool {
         let touched = self.touched;

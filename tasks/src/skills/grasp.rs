@@ -80,8 +80,6 @@ const READY: [&str; 2] = ["ready_down", "ready_front"];
 
 /// How often the fingers go in from one place.
 const MAX_ENTRIES: usize = 2;
-/// Fingers that go in and come no nearer for so long stand on something.
-const TOUCHED_AFTER: Span = Span(300_000_000);
 
 /// Over what stands lower than this the arm reaches, metres.
 const ARM_OVER_M: f64 = 1.3;
@@ -155,6 +153,7 @@ pub(super) fn try_grasp(
         speed_m_per_s: settings.free_speed_m_per_s,
         posture: Some(&reach.joints),
         give_up_after: STUCK_AFTER,
+        gentle: false,
         clearance_m: None,
     };
     let at = reach.grasp.world_from_tool.translation;
@@ -195,7 +194,8 @@ pub(super) fn try_grasp(
                 touching: &fingers,
                 speed_m_per_s: settings.approach_speed_m_per_s,
                 posture: Some(&reach.joints),
-                give_up_after: TOUCHED_AFTER,
+                give_up_after: STUCK_AFTER,
+                gentle: true,
                 clearance_m: Some(settings.planner.clearance_m),
             };
             if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &slow)?
@@ -219,6 +219,7 @@ pub(super) fn try_grasp(
             speed_m_per_s: settings.approach_speed_m_per_s,
             posture: Some(&reach.joints),
             give_up_after: STUCK_AFTER,
+            gentle: false,
             clearance_m: None,
         };
         move_tool(agent, &up)?;
@@ -296,6 +297,7 @@ fn raise_by(agent: &mut Agent, task: &GraspTask<'_>, joints: &JointPositions, by
         speed_m_per_s: task.settings.approach_speed_m_per_s,
         posture: Some(joints),
         give_up_after: STUCK_AFTER,
+        gentle: false,
         clearance_m: None,
     };
     move_tool(agent, &up)
@@ -319,6 +321,7 @@ fn lift(
         speed_m_per_s: settings.approach_speed_m_per_s,
         posture: Some(joints),
         give_up_after: STUCK_AFTER,
+        gentle: false,
         clearance_m: None,
     };
     let lifted = move_tool(agent, &way(up * base_from_grasp))?;

@@ -344,6 +344,7 @@ impl Task<'_> {
                 speed_m_per_s: self.settings.approach_speed_m_per_s,
                 posture: Some(&reach.joints),
                 give_up_after: STUCK_AFTER,
+                gentle: false,
                 clearance_m: Some(self.settings.planner.clearance_m),
             };
             if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &motion)?
@@ -377,6 +378,7 @@ impl Task<'_> {
                 speed_m_per_s: self.settings.approach_speed_m_per_s,
                 posture: None,
                 give_up_after: STUCK_AFTER,
+                gentle: false,
                 clearance_m: None,
             };
             move_tool(agent, &off)?;
@@ -403,6 +405,7 @@ pub(super) fn pose_before(
         speed_m_per_s: settings.free_speed_m_per_s,
         posture: Some(&reach.joints),
         give_up_after: STUCK_AFTER,
+        gentle: false,
         clearance_m: None,
     };
     Ok(match move_tool_around(agent, &motion, (0.05, 0.2))? {

@@ -95,6 +95,7 @@ pub fn raise(agent: &mut Agent, settings: &GraspSettings, held: &Held, by_m: f64
         speed_m_per_s: settings.approach_speed_m_per_s,
         posture: None,
         give_up_after: STUCK_AFTER,
+        gentle: false,
         clearance_m: None,
     };
     move_tool(agent, &up)?;
@@ -161,6 +162,7 @@ fn try_place(
             speed_m_per_s,
             posture: Some(&joints),
             give_up_after: STUCK_AFTER,
+            gentle: true,
             clearance_m: None,
         };
         if let ArmOutcome::Stuck { error_m, error_rad } = move_tool_around(agent, &way, (tolerance_m, 0.2))?
@@ -188,6 +190,7 @@ fn try_place(
         speed_m_per_s: settings.approach_speed_m_per_s,
         posture: None,
         give_up_after: STUCK_AFTER,
+        gentle: false,
         clearance_m: None,
     };
     move_tool(agent, &back)?;

@@ -34,6 +34,7 @@ pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
         speed_m_per_s: BACK_M_PER_S,
         posture: None,
         give_up_after: STUCK_AFTER,
+        gentle: false,
         clearance_m: None,
     };
     move_tool(agent, &back)?;

@@ -51,6 +51,7 @@ pub(super) fn center_with_wrist(
             speed_m_per_s: settings.approach_speed_m_per_s,
             posture: Some(joints),
             give_up_after: STUCK_AFTER,
+            gentle: false,
             clearance_m: None,
         };
         if let ArmOutcome::Stuck { error_m, .. } = move_tool(agent, &over)?
