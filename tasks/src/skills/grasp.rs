@@ -78,8 +78,9 @@ const GRIP_SHARE: f64 = 0.9;
 pub(super) const UNFOLD: &str = "carry_to_ready_down";
 const READY: [&str; 2] = ["ready_down", "ready_front"];
 
-/// How often the fingers go in from one place.
-const MAX_ENTRIES: usize = 2;
+/// The fingers go in so often from one place, and close when they come this near to where they were to be, metres: what
+/// holds them up twice does so again.
+const SHORT_M: [f64; 2] = [0.012, 0.024];
 
 /// Over what stands lower than this the arm reaches, metres.
 const ARM_OVER_M: f64 = 1.3;
@@ -183,7 +184,7 @@ pub(super) fn try_grasp(
         return Ok(Err((Stage::Grounding, reason)));
     }
     let fingers = finger_links(agent.model());
-    for entry in 0..MAX_ENTRIES {
+    for (entry, short_m) in SHORT_M.into_iter().enumerate() {
         agent.grip(grasp.opening_m, 10.0);
         let goals = [grasp.world_from_pregrasp(&settings.planner), grasp.world_from_tool];
         let mut stuck = None;
@@ -199,14 +200,14 @@ pub(super) fn try_grasp(
                 clearance_m: Some(settings.planner.clearance_m),
             };
             if let ArmOutcome::Stuck { error_m, error_rad } = move_tool(agent, &slow)?
-                && (error_m > 0.012 || error_rad > 0.15)
+                && (error_m > short_m || error_rad > 0.15)
             {
                 stuck = Some((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the grasp")));
                 break;
             }
         }
         let Some(failure) = stuck else { break };
-        if entry + 1 == MAX_ENTRIES {
+        if entry + 1 == SHORT_M.len() {
             return Ok(Err(failure));
         }
         // The fingers stand on something: up again, wider, and another look.
@@ -254,8 +255,18 @@ pub(super) fn try_grasp(
         && sagged_m > 0.0
     {
         agent.note(format!("it slipped by {:.0} mm in the hand: lifts on", 1e3 * sagged_m));
-        let raised = raise_by(agent, task, &reach.joints, sagged_m + SAG_ERROR_M)?;
-        verified = verify(agent, settings, &before, raised)?;
+        let raised = match raise_by(agent, task, &reach.joints, sagged_m + SAG_ERROR_M)? {
+            ArmOutcome::Stuck { error_m, .. } if error_m > LIFT_LEFT_M => {
+                lift_behind(agent, task, &reach.joints, error_m)?
+            }
+            raised => raised,
+        };
+        verified = match verify(agent, settings, &before, raised)? {
+            Ok(Lifted { sagged_m: Some(left_m), .. }) if left_m > 0.0 => {
+                Err((Stage::Hold, format!("it still hangs {:.0} mm too low", 1e3 * left_m)))
+            }
+            verified => verified,
+        };
     }
     if matches!(verified, Err((Stage::Hold, _))) {
         slipped_z_m.push(grasp.world_from_tool.translation.z);
