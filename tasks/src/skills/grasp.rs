@@ -2,10 +2,10 @@
 
 use super::approach::{Approach, Ground, come_to, find_approach_around, find_approaches};
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool, move_tool_around};
-use super::hold::{Lifted, between_fingers, close, verify};
+use super::hold::{between_fingers, close};
+use super::lift::{Way, lift};
 use super::meaning::Meaning;
 use super::obstacles::find_obstacles;
-use super::retreat::back_off;
 use super::target::Target;
 use super::wrist::{center_with_wrist, look_back_m, look_pose};
 use crate::agent::{Agent, Halt};
@@ -22,7 +22,7 @@ use dsm_robot::joints::JointPositions;
 use dsm_robot::model::collision::Obstacle;
 use dsm_robot::model::{Configuration, RobotModel};
 use dsm_robot::nav::{Costmap, Field, NavConfig, Pose2, Sight, Visibility};
-use nalgebra::{Point2, Point3, Translation3, Vector2, Vector3};
+use nalgebra::{Point2, Point3, Translation3};
 
 /// Parameters of the grasp skill.
 #[derive(Clone, Debug, PartialEq)]
@@ -240,116 +240,12 @@ pub(super) fn try_grasp(
     let before =
         between_fingers(&points_of(&target.in_map(agent.map()), id), &grasp.world_from_tool, support_z_m, aperture_m);
     agent.mark("lifts");
-    let lifted = match lift(agent, settings, &base_from_grasp, &reach.joints, &obstacles)? {
-        ArmOutcome::Stuck { error_m, .. } if error_m > LIFT_LEFT_M => lift_behind(agent, task, &reach.joints, error_m)?,
-        lifted => lifted,
-    };
-    let mut verified = verify(agent, settings, &before, lifted)?;
-    if let Ok(Lifted { sagged_m: None, .. }) = verified {
-        // The arm hides whether it slipped: as high as if it had.
-        agent.log("the arm hides where it was: lifts on");
-        raise_by(agent, task, &reach.joints, HIDDEN_LIFT_M)?;
-        verified = verify(agent, settings, &before, lifted)?;
-    }
-    if let Ok(Lifted { sagged_m: Some(sagged_m), .. }) = verified
-        && sagged_m > 0.0
-    {
-        agent.note(format!("it slipped by {:.0} mm in the hand: lifts on", 1e3 * sagged_m));
-        let raised = match raise_by(agent, task, &reach.joints, sagged_m + SAG_ERROR_M)? {
-            ArmOutcome::Stuck { error_m, .. } if error_m > LIFT_LEFT_M => {
-                lift_behind(agent, task, &reach.joints, error_m)?
-            }
-            raised => raised,
-        };
-        verified = match verify(agent, settings, &before, raised)? {
-            Ok(Lifted { sagged_m: Some(left_m), .. }) if left_m > 0.0 => {
-                Err((Stage::Hold, format!("it still hangs {:.0} mm too low", 1e3 * left_m)))
-            }
-            verified => verified,
-        };
-    }
+    let way = Way { base_from_grasp: &base_from_grasp, joints: &reach.joints, obstacles: &obstacles };
+    let verified = lift(agent, task, &way, &before)?;
     if matches!(verified, Err((Stage::Hold, _))) {
         slipped_z_m.push(grasp.world_from_tool.translation.z);
     }
     Ok(verified.map(|lifted| format!("lifted; {:.0} mm between the fingers", 1e3 * lifted.width_m)))
-}
-
-/// What slips is held again after a part of the lift: so much higher is a thing that slipped unseen, metres.
-const HIDDEN_LIFT_M: f64 = 0.08;
-/// Error of the lower end of what hangs in the hand, metres.
-const SAG_ERROR_M: f64 = 0.03;
-/// A lift that ends by more than this too low is not done, metres.
-const LIFT_LEFT_M: f64 = 0.03;
-
-/// Backs off with what is held, out of what the arm stands in, and lifts it by what is left.
-fn lift_behind(
-    agent: &mut Agent,
-    task: &GraspTask<'_>,
-    joints: &JointPositions,
-    left_m: f64,
-) -> Result<ArmOutcome, Halt> {
-    const BACK_M: f64 = 0.3;
-    const BACK_M_PER_S: f64 = 0.06;
-    agent.log(format!("{left_m:.2} m short of the lift: backs off with it"));
-    back_off(agent, BACK_M, BACK_M_PER_S)?;
-    raise_by(agent, task, joints, left_m)
-}
-
-/// Raises what is held.
-fn raise_by(agent: &mut Agent, task: &GraspTask<'_>, joints: &JointPositions, by_m: f64) -> Result<ArmOutcome, Halt> {
-    let (model, configuration) = (agent.model().clone(), agent.configuration()?);
-    let world_from_base = agent.world_from_base()?;
-    let id = task.target.id();
-    let obstacles = find_obstacles(&task.target.in_map(agent.map()), Some(&agent.live), &world_from_base, Some(id));
-    let up = ToolMove {
-        goal: Translation3::new(0.0, 0.0, by_m) * model.kinematics.root_from_link(&configuration, model.tool),
-        obstacles: &obstacles,
-        touching: &finger_links(&model),
-        speed_m_per_s: task.settings.approach_speed_m_per_s,
-        posture: Some(joints),
-        give_up_after: STUCK_AFTER,
-        gentle: false,
-        clearance_m: None,
-    };
-    move_tool(agent, &up)
-}
-
-/// Lifts; where something is above the arm, out to the front first: on a shelf there is no room to lift.
-fn lift(
-    agent: &mut Agent,
-    settings: &GraspSettings,
-    base_from_grasp: &Pose,
-    joints: &JointPositions,
-    obstacles: &[Obstacle],
-) -> Result<ArmOutcome, Halt> {
-    const OUT_M: f64 = 0.25;
-    let fingers = finger_links(agent.model());
-    let up = Translation3::new(0.0, 0.0, settings.planner.lift_m);
-    let way = |goal: Pose| ToolMove {
-        goal,
-        obstacles,
-        touching: &fingers,
-        speed_m_per_s: settings.approach_speed_m_per_s,
-        posture: Some(joints),
-        give_up_after: STUCK_AFTER,
-        gentle: false,
-        clearance_m: None,
-    };
-    let lifted = move_tool(agent, &way(up * base_from_grasp))?;
-    let ArmOutcome::Stuck { error_m, .. } = lifted else { return Ok(lifted) };
-    if error_m < LIFT_LEFT_M {
-        return Ok(lifted);
-    }
-    agent.log(format!("{error_m:.2} m short of the lift: out to the front first"));
-    let configuration = agent.configuration()?;
-    let model = agent.model().clone();
-    let tool_now = model.kinematics.root_from_link(&configuration, model.tool);
-    let back = -(base_from_grasp.rotation * Vector3::z()).xy();
-    let back = back.try_normalize(0.2).unwrap_or_else(|| -Vector2::x()) * OUT_M;
-    let out = Translation3::new(back.x, back.y, 0.0) * tool_now;
-    move_tool(agent, &way(out))?;
-    let above = Translation3::new(back.x, back.y, settings.planner.lift_m) * base_from_grasp;
-    move_tool(agent, &way(above))
 }
 
 pub(super) fn finger_links(model: &RobotModel) -> Vec<dsm_robot::model::LinkId> {

@@ -17,6 +17,7 @@ pub mod grasp;
 pub mod held;
 mod hold;
 pub mod inside;
+mod lift;
 pub mod looks;
 pub mod meaning;
 pub mod navigate;
