@@ -229,6 +229,9 @@ pub fn step_to(agent: &mut Agent, nav: &NavConfig, stand: &Pose2, speed_m_per_s:
     let radius_m = agent.model().settings.base.footprint_radius_m;
     let whole_m = (stand.position - Pose2::from_pose(&agent.world_from_base()?).position).norm();
     let end = agent.now() + Span::from_s(PATIENCE.0 + whole_m / PATIENCE.1);
+    // What may have come nearer since it was seen is seen again, or forgotten, within this.
+    let forgotten_after = Span::from_s(nav.live.memory_s);
+    let mut went_at = agent.now();
     agent.take_touch();
     while agent.now() < end {
         if agent.held().is_some() && agent.grip_state()?.width_m < HOLDS_M {
@@ -246,9 +249,14 @@ pub fn step_to(agent: &mut Agent, nav: &NavConfig, stand: &Pose2, speed_m_per_s:
         let braking = (2.0 * BRAKING_M_PER_S2 * left_m).sqrt();
         let forward_m_per_s = speed_m_per_s.min(braking).min(limits.forward_m_per_s);
         if forward_m_per_s < STANDS_M_PER_S {
-            // As near as what is before the base lets it.
-            return Ok(DriveOutcome::Blocked(format!("{left_m:.2} m are left")));
+            if agent.now() - went_at > forgotten_after {
+                // As near as what is before the base lets it.
+                return Ok(DriveOutcome::Blocked(format!("{left_m:.2} m are left")));
+            }
+            agent.tick(Twist::default(), &still)?;
+            continue;
         }
+        went_at = agent.now();
         let turn_rad_per_s = (TURN.0 * wrap_angle(stand.yaw_rad - pose.yaw_rad)).clamp(-TURN.1, TURN.1);
         let sent = agent.slowed(Twist { forward_m_per_s, turn_rad_per_s })?;
         if agent.is_close_ahead() {
