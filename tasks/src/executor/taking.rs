@@ -3,7 +3,7 @@
 use super::{Done, Executor, NO_ROOM, PLACE, failed, settled};
 use crate::agent::{Agent, Halt};
 use crate::skills::Outcome;
-use crate::skills::meaning::{FITS, FITS_POORLY, Fit, Meaning, find_rivals};
+use crate::skills::meaning::{FITS, FITS_POORLY, Fit, KEPT_SHARE, Meaning, find_rivals};
 use crate::skills::navigate::navigate_to_object;
 use crate::skills::regrip::grasp;
 use crate::skills::search::Thoroughness;
@@ -49,7 +49,7 @@ impl Executor {
         let (outcome, grounding) = match thoroughness {
             Some(thoroughness) => {
                 let grounding = match self.find(agent, "grasp", text, thoroughness)? {
-                    Ok(again) if again.score < FITS_POORLY && again.score < grounding.score => {
+                    Ok(again) if again.score < (KEPT_SHARE * grounding.score).max(FITS_POORLY).min(grounding.score) => {
                         return Ok(no_longer_there(again));
                     }
                     Ok(again) => again,

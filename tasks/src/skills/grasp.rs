@@ -174,11 +174,17 @@ pub(super) fn try_grasp(
         return Ok(Err((Stage::Reach, format!("stuck {error_m:.3} m, {error_rad:.2} rad before the pregrasp"))));
     }
     // Look with the wrist camera, then go in. All in the base frame: the base stands, and localisation may wander.
-    let mut grasp =
-        match center_with_wrist(agent, settings, &reach.grasp, &reach.joints, &world_from_base, support_z_m)? {
-            Ok(grasp) => grasp,
-            Err(failure) => return Ok(Err(failure)),
-        };
+    let mut grasp = match center_with_wrist(
+        agent,
+        settings,
+        &reach.grasp,
+        &reach.joints,
+        (&world_from_base, support_z_m),
+        &obstacles,
+    )? {
+        Ok(grasp) => grasp,
+        Err(failure) => return Ok(Err(failure)),
+    };
     // The arm hides it from the head by now.
     if let Some(reason) = meaning.map_or(Ok(None), |meaning| meaning.find_contradiction(agent, id))? {
         return Ok(Err((Stage::Grounding, reason)));
@@ -220,11 +226,18 @@ pub(super) fn try_grasp(
             speed_m_per_s: settings.approach_speed_m_per_s,
             posture: Some(&reach.joints),
             give_up_after: STUCK_AFTER,
-            gentle: false,
+            gentle: true,
             clearance_m: None,
         };
         move_tool(agent, &up)?;
-        grasp = match center_with_wrist(agent, settings, &grasp, &reach.joints, &world_from_base, support_z_m)? {
+        grasp = match center_with_wrist(
+            agent,
+            settings,
+            &grasp,
+            &reach.joints,
+            (&world_from_base, support_z_m),
+            &obstacles,
+        )? {
             Ok(grasp) => GraspCandidate { opening_m: settings.planner.hand.max_aperture_m, ..grasp },
             Err(failure) => return Ok(Err(failure)),
         };

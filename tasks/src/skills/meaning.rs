@@ -28,7 +28,7 @@ const FOOT_M: f64 = 0.02;
 const MOST_POINTS: usize = 400;
 /// What the words meant keeps at least this share of its score; less where no other one of its name is known that it could
 /// have been put in the place of.
-const KEPT_SHARE: f32 = 0.6;
+pub(crate) const KEPT_SHARE: f32 = 0.6;
 const KEPT_SHARE_ALONE: f32 = 0.45;
 /// A thing that looked like the colour that is said keeps this share of it: a white pot with brown soil in it shows some
 /// brown where a brown one stood.

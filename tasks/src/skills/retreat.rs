@@ -1,6 +1,6 @@
 //! Getting away from where the hand was: back with arm and base, and the arm folded.
 
-use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_tool};
+use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, fold, move_joints_around, move_tool};
 use super::grasp::UNFOLD;
 use super::obstacles::{find_obstacles, leave_out_overlaps};
 use crate::agent::{Agent, Halt};
@@ -45,6 +45,13 @@ pub(crate) fn retreat(agent: &mut Agent) -> Result<(), Halt> {
         let mut obstacles = find_obstacles(agent.map(), Some(&agent.live), &world_from_base, None);
         leave_out_overlaps(&model, &agent.configuration()?, &mut obstacles);
         if fold(agent, UNFOLD, &obstacles)? == ArmOutcome::Reached {
+            break;
+        }
+        // Not the way that it unfolds, then one that is planned around what stands there.
+        let folded = model.settings.paths.get(UNFOLD).and_then(|names| model.find_posture(names.first()?));
+        if let Some(folded) = folded
+            && move_joints_around(agent, &folded, &obstacles)? == ArmOutcome::Reached
+        {
             break;
         }
     }

@@ -1,7 +1,7 @@
 //! Centring a grasp with the wrist camera before the fingers go in.
 
 use super::arm::{ArmOutcome, STUCK_AFTER, ToolMove, move_tool};
-use super::grasp::GraspSettings;
+use super::grasp::{GraspSettings, finger_links};
 use crate::agent::{Agent, Halt};
 use crate::summary::Stage;
 use dsm::Pose;
@@ -9,6 +9,7 @@ use dsm::time::Span;
 use dsm_robot::grasp::{GraspCandidate, Refinement, refine_grasp};
 use dsm_robot::joints::JointPositions;
 use dsm_robot::model::RobotModel;
+use dsm_robot::model::collision::Obstacle;
 use nalgebra::{Point3, Translation3};
 
 /// Looks with the wrist camera, moves the hand over what it sees, and looks again until the hand stands right: a look from
@@ -18,8 +19,8 @@ pub(super) fn center_with_wrist(
     settings: &GraspSettings,
     chosen: &GraspCandidate,
     joints: &JointPositions,
-    world_from_base: &Pose,
-    support_z_m: f64,
+    (world_from_base, support_z_m): (&Pose, f64),
+    obstacles: &[Obstacle],
 ) -> Result<Result<GraspCandidate, (Stage, String)>, Halt> {
     const MAX_LOOKS: usize = 4;
     /// A look that moves the grasp by less settles it.
@@ -30,6 +31,7 @@ pub(super) fn center_with_wrist(
     let mut grasp = chosen.clone();
     let mut last = (Stage::Grasp, String::new());
     let near_m = look_back_m(agent.model(), &grasp, settings);
+    let fingers = finger_links(agent.model());
     for look in 0..MAX_LOOKS {
         let back_m = match look_with_wrist(agent, settings, &grasp, world_from_base, support_z_m)? {
             Ok((refined, shift_m)) => {
@@ -46,13 +48,13 @@ pub(super) fn center_with_wrist(
         };
         let over = ToolMove {
             goal: base_from_world * look_pose(&grasp, settings, near_m + back_m),
-            obstacles: &[],
-            touching: &[],
+            obstacles,
+            touching: &fingers,
             speed_m_per_s: settings.approach_speed_m_per_s,
             posture: Some(joints),
             give_up_after: STUCK_AFTER,
-            gentle: false,
-            clearance_m: None,
+            gentle: true,
+            clearance_m: Some(settings.planner.clearance_m),
         };
         if let ArmOutcome::Stuck { error_m, .. } = move_tool(agent, &over)?
             && back_m == 0.0
@@ -110,6 +112,10 @@ fn look_with_wrist(
     let now_s = agent.now().as_s();
     let refinement = refine_grasp(grasp, &points, support_z_m, &settings.planner);
     let (said, result) = match refinement {
+        Refinement::Refined { grasp, .. } if grasp.width_m < settings.min_width_m => (
+            "sees nothing as wide as a thing".into(),
+            Err((Stage::Grasp, "the wrist camera sees a surface only".into())),
+        ),
         Refinement::Refined { grasp, shift_m } => {
             let at = grasp.world_from_tool.translation;
             let width_mm = 1e3 * grasp.width_m;
